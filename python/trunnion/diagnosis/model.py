@@ -300,6 +300,14 @@ class Model:
         """
         return (effect.id, 1.0) if effect.owner is Owner.MACHINE else None
 
+    def instrument_size(self, effect: Effect) -> float | None:  # noqa: ARG002
+        """Nominal size of the instrument whose error an effect is, mm.
+
+        Measurements of one kind that give the same size are by one instrument. None: the effect is
+        this measurement's own.
+        """
+        return None
+
     def effect(self, name: str) -> Effect:
         """Return the effect of this id."""
         for effect in self.effects:

@@ -4,7 +4,9 @@ Readings, what is always fitted and candidates of the measurements stand below e
 the machine's is one parameter that acts on every measurement: location errors of one name, and
 effects that :meth:`~trunnion.diagnosis.model.Model.shared` calls alike. All else belongs to one
 measurement and has its name in front ("touches:probe_radius"): placements, instruments, artefacts,
-what changes with time. Each measurement keeps the noise that its own diagnosis found.
+what changes with time. An instrument that several measurements of a kind have in common
+(:meth:`~trunnion.diagnosis.model.Model.instrument_size`) has the name of the first of them. Each
+measurement keeps the noise that its own diagnosis found.
 
 Measurements of one kind are of several dates, in the order given. For each error and effect that
 they share there is a further candidate: it changed before a later one ("touches 2:change_EX0C").
@@ -36,6 +38,8 @@ from trunnion.models.parts import Part, joined_labels, joined_readings
 from trunnion.setup.names import shared_label
 
 UNIT_NAMES = {"µm": "um"}  # in names of parameters
+SAME_SIZE_MM = 0.5  # of instruments: nominal sizes that differ by less are one
+STANDARD = "without a standard it is not told from the length of the instrument"
 
 
 @dataclass(frozen=True)
@@ -114,13 +118,15 @@ class JointModel(Model):
 
     def _join_effects(self) -> None:
         self._acts: dict[str, list[_Acts]] = {}
+        self._instruments: list[tuple[str, str, float, str]] = []  # kind, effect, size, id here
+        self.alike = ""  # id of the scale of all axes together, if that is a candidate
         self._changes: dict[str, _Change] = {}
         self._plain: dict[int, tuple[Floats, Floats]] = {}  # derivatives, where they were asked for
         made: dict[str, Effect] = {}
         for i, part in enumerate(self.parts):
             for own in part.model.effects:
                 known = part.model.shared(own)
-                id_, sign = (f"{part.name}:{own.id}", 1.0) if known is None else known
+                id_, sign = (self._instrument(part, own), 1.0) if known is None else known
                 if id_ in made and not _alike(made[id_], own):
                     id_, sign = f"{part.name}:{own.id}", 1.0
                 self._acts.setdefault(id_, []).append(_Acts(i, own, sign))
@@ -128,10 +134,45 @@ class JointModel(Model):
                     label = own.label or own.id.replace("_", " ")
                     label = shared_label(id_, label) if ":" not in id_ else f"{label} ({part.name})"
                     made[id_] = self._effect(id_, own.parameters, label, own.owner, own)
+        for *_, id_ in self._instruments:
+            if len(acts := self._acts[id_]) > 1:
+                made[id_] = replace(made[id_], label=acts[0].effect.label)
+        for effect in self._scales_alike(made):
+            made[effect.id] = effect
         self.apart: dict[str, tuple[str, str]] = {}  # which kind differs in what, by candidate
         for effect in (*self._possible_changes(made), *self._possible_differences(made)):
             made[effect.id] = effect
         self.effects = tuple(made.values())
+
+    def _instrument(self, part: Part, own: Effect) -> str:
+        """Id of an effect that is not the machine's: of the first part by the same instrument."""
+        id_, size = f"{part.name}:{own.id}", part.model.instrument_size(own)
+        if size is None:
+            return id_
+        for kind, effect, other, first in self._instruments:
+            if (kind, effect) == (part.kind, own.id) and abs(other - size) < SAME_SIZE_MM:
+                return first
+        self._instruments.append((part.kind, own.id, size, id_))
+        return id_
+
+    def _scales_alike(self, made: Mapping[str, Effect]) -> Iterator[Effect]:
+        """Scale of all axes together, which looks like an instrument of another length.
+
+        Only where several measurements are by one instrument, which is one cause beside a scale of
+        each axis, and where nothing else shows a scale.
+        """
+        by = [self._acts[id_] for *_, id_ in self._instruments]
+        scales = [f"scale_{a}" for a in "xyz" if f"scale_{a}" in made]
+        acts = [one for name in scales for one in self._acts[name]]
+        standard = {one.part for one in acts} - {one.part for own in by for one in own}
+        if standard or len(scales) < 2 or all(len(own) == 1 for own in by):
+            return
+        axes = "".join(name[-1] for name in scales)
+        self.alike = f"scale_{axes}"
+        self._acts[self.alike] = acts
+        label = f"scale of {' and '.join(axes.upper())} alike"
+        first = made[scales[0]]
+        yield self._effect(self.alike, first.parameters, label, first.owner)
 
     def _effect(
         self,
@@ -158,7 +199,8 @@ class JointModel(Model):
 
     def ids_of_part(self, i: int) -> dict[str, str]:
         """What this model calls the effects of one part, by their ids there."""
-        return {a.effect.id: id_ for id_, acts in self._acts.items() for a in acts if a.part == i}
+        own = {k: acts for k, acts in self._acts.items() if k != self.alike}
+        return {a.effect.id: id_ for id_, acts in own.items() for a in acts if a.part == i}
 
     def _possible_changes(self, made: Mapping[str, Effect]) -> Iterator[Effect]:
         """Changes of what measurements of one kind share, before a later one of them."""
@@ -178,7 +220,7 @@ class JointModel(Model):
                 effect = made[shared]
                 if not {before, i} <= {a.part for a in acts} or not effect.linear:
                     continue
-                id_ = f"{part.name}:change_{shared}"
+                id_ = f"{part.name}:change_{shared.rpartition(':')[2]}"
                 self._changes[id_] = _Change(i, effect=shared)
                 label = f"change of {effect.label} before {part.name}"
                 yield self._effect(id_, effect.parameters, label, effect.owner)
@@ -287,7 +329,7 @@ class JointModel(Model):
             at = nuisance[self._index[acts.part]]
             model = self.parts[acts.part].model
             own = model.effect_jacobian(at, acts.effect, acts.values(values))
-            np.multiply(own, acts.signs, out=out[self._at[acts.part]])
+            out[self._at[acts.part]] += own * acts.signs
         return out
 
     def linear_columns(
@@ -302,7 +344,7 @@ class JointModel(Model):
             at = nuisance[self._index[acts.part]]
             model = self.parts[acts.part].model
             own = model.linear_columns(at, acts.effect, [acts.values(one) for one in values])
-            np.multiply(own, acts.sign, out=out[:, :, self._at[acts.part]])
+            out[:, :, self._at[acts.part]] += own * acts.sign
         return out
 
     def white_columns(
@@ -320,7 +362,7 @@ class JointModel(Model):
             part, some = self.parts[acts.part], self._at[acts.part]
             at = nuisance[self._index[acts.part]]
             own = part.white_columns(at, acts.effect, [acts.values(one) for one in values])
-            np.multiply(own, acts.sign, out=out[:, :, some])
+            out[:, :, some] += own * acts.sign
         return out.transpose(0, 2, 1)
 
     def _acting(self, effect: Effect) -> Iterator[_Acts]:
@@ -428,6 +470,8 @@ class JointModel(Model):
         """Why an effect, beside the others of a set, says nothing to a compensation; or nothing."""
         if ":" in id_:
             return f"it belongs to {id_.partition(':')[0]}"
+        if id_ == self.alike:
+            return STANDARD
         return APART if any(self.apart.get(i, ("", ""))[1] == id_ for i in effects) else ""
 
 

@@ -25,6 +25,7 @@ CATALOGUED = (
     "squareness_yz",
 )
 """Ids that are in the catalogue of the machine, too."""
+BAR_LENGTH = "ballbar_length"
 MIN_PITCH_MM = 4.0
 DECAYS = 10
 TIME_CONSTANTS = 12
@@ -85,7 +86,7 @@ def drifts(path: Path, bar: Bar) -> list[Effect]:
 def ballbar_length(count: int) -> Effect:
     """Make the effect of a bar that reads longer than it is."""
     label = "length of the ball-bar"
-    return linear("ballbar_length", ["dl_um"], np.ones(count), label, owner=Owner.INSTRUMENT)
+    return linear(BAR_LENGTH, ["dl_um"], np.ones(count), label, owner=Owner.INSTRUMENT)
 
 
 def _scale(path: Path, bar: Bar, axis: int) -> Effect:

@@ -27,7 +27,7 @@ from trunnion.hybrid.readings import (
     start_centres,
 )
 from trunnion.machine.estimate import Estimate
-from trunnion.models.ballbar.effects import Bar, ballbar_length, drifts
+from trunnion.models.ballbar.effects import BAR_LENGTH, Bar, ballbar_length, drifts
 from trunnion.models.ballbar.machine import machine_of
 from trunnion.models.ballbar.path import AXES, Path
 from trunnion.models.ballbar.settings import BallbarSettings
@@ -35,6 +35,7 @@ from trunnion.setup import Setup
 
 SENSES = ((1.0, "counter-clockwise"), (-1.0, "clockwise"))
 FIRST_ORDER_NOISE_UM = 0.03  # of an instrument that shows 0.1 µm; formulas to first order miss less
+MAX_SPREAD_UM = 500.0  # of commanded lengths, about their nominal one
 MIN_REACH = 1e-3  # share of the bar along an axis, from which it shows the centre there
 
 POINTS_KEPT = 4  # the start, to which every fit returns, and the last ones
@@ -124,6 +125,13 @@ class BallbarModel(Model):
         if self.settings.calibrated:
             out.append(ballbar_length(len(self.data)))
         return out
+
+    def instrument_size(self, effect: Effect) -> float | None:
+        """Nominal length of the bar, if all circles have one: its error is that of one bar."""
+        own = effect.id != BAR_LENGTH or not self.settings.one_bar
+        if own or np.ptp(self.reference_um) > MAX_SPREAD_UM:
+            return None
+        return float(np.mean(self.reference_um)) * 1e-3
 
     # --- the plain model
 

@@ -13,6 +13,9 @@ class BallbarSettings:
     """The table ``[ballbar]`` of a set-up; see the package."""
 
     calibrated: bool = key(True, Flag(), "the length of the ball-bar is known")
+    one_bar: bool = key(
+        True, Flag(), "measurements of one nominal length that are diagnosed together have one bar"
+    )
     repeatability_um: float = key(0.0, Number(0.0), "standard deviation; 0: to be estimated")
     direction: tuple[float, float, float] = key(
         (0.0, 0.0, -1.0), Vector(3), "from the spindle to the tool point"
