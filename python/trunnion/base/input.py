@@ -1,4 +1,4 @@
-"""Files that are read, and the paths of those that are read or written."""
+"""What users give: files that are read, paths to read or to write, lists of numbers."""
 
 from __future__ import annotations
 
@@ -46,3 +46,26 @@ def file_bytes(path: str | PathLike[str]) -> bytes:
         return path_of(path).read_bytes()
     except IsADirectoryError:
         raise InputError(f"{path}: got a folder, expected a file") from None
+
+
+MAX_LISTED = 100_000
+"""Numbers that a range may stand for."""
+
+
+def listed_numbers(what: str, text: str) -> list[float]:
+    """Return ``"0,90,180"`` or ``"0:330:30"`` (first, last, step) as numbers.
+
+    Raises InputError: anything else.
+    """
+    try:
+        if ":" in text:
+            first, last, step = (float(part) for part in text.split(":"))
+            count = int((last - first) / step + 1e-9) + 1
+            if count < 1 or count > MAX_LISTED:
+                raise ValueError(text)
+            return [first + i * step for i in range(count)]
+        return [float(part) for part in text.split(",") if part.strip()]
+    except (ValueError, ZeroDivisionError, OverflowError):
+        raise InputError(
+            f"{what}: got {text!r}, expected numbers such as 0,90,180 or first:last:step"
+        ) from None

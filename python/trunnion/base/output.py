@@ -28,13 +28,9 @@ def check_new(path: Path, *, overwrite: bool) -> None:
     InputError
         There is a file, and `overwrite` is false.
     """
-    if not overwrite and _is_kept(path):
+    there = path.is_file() or path.is_dir() or path.is_symlink()  # no pipe, no device
+    if there and not overwrite:
         raise InputError(f"{path}: the file exists already; give --force to overwrite it")
-
-
-def _is_kept(path: Path) -> bool:
-    """Whether something stands there that writing would replace: no pipe, no device."""
-    return path.is_file() or path.is_dir() or path.is_symlink()
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from functools import cache
+from operator import itemgetter
 
 import numpy as np
 
@@ -107,7 +108,7 @@ def unstated(
     off = cache(off)
     every = ((v, one) for one in recorded for v in (one, np.append(one, 0.0)))
     found = ((displayed(v, recorded), one) for v, one in every)
-    for step, values in sorted(found, key=_first, reverse=True):
+    for step, values in sorted(found, key=itemgetter(0), reverse=True):
         if step <= COARSER * stated:
             break
         many = stated == 0 and step >= SMALLEST and len(np.unique(values)) >= MIN_EXACT
@@ -128,7 +129,3 @@ def _is_of_plan(step: float, values: Floats, off: Floats) -> bool:
         return False
     planned = recognised(np.append(values - off, 0.0))
     return planned > 0 and MIN_STEP < abs(step - planned) < OF_PLAN * planned
-
-
-def _first(pair: tuple[float, Floats]) -> float:
-    return pair[0]

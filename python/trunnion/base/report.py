@@ -111,6 +111,19 @@ def plus_minus(value: float, std: float | None, digits: int = 3) -> str:
     return " ± ".join(x.text for x in measured(value, std) if isinstance(x, Shown))
 
 
+def cell_text(cell: Cell, digits: int = 4) -> str:
+    """Return a cell as text, a number without a text of its own to so many decimals."""
+    if isinstance(cell, str):
+        return cell
+    if isinstance(cell, Shown):
+        return cell.text
+    if isinstance(cell, bool | np.bool_):
+        return "yes" if cell else "no"
+    if isinstance(cell, int | np.integer):
+        return str(cell).replace("-", "−")
+    return number(None if cell is None else float(cell), digits)
+
+
 @dataclass(frozen=True)
 class Table:
     """A titled table; the first column is text, the others are numbers or text.
@@ -141,18 +154,7 @@ class Table:
 
     def cells(self) -> tuple[tuple[str, ...], ...]:
         """Return every cell as text."""
-        return tuple(tuple(self._shown(cell) for cell in row) for row in self.rows)
-
-    def _shown(self, cell: Cell) -> str:
-        if isinstance(cell, str):
-            return cell
-        if isinstance(cell, Shown):
-            return cell.text
-        if isinstance(cell, bool | np.bool_):
-            return "yes" if cell else "no"
-        if isinstance(cell, int | np.integer):
-            return str(cell).replace("-", "−")
-        return number(None if cell is None else float(cell), self.digits)
+        return tuple(tuple(cell_text(cell, self.digits) for cell in row) for row in self.rows)
 
     def to_rich(self) -> RichTable:
         """Return it for a rich console, without its title, which rich breaks at its width."""
@@ -358,14 +360,6 @@ class Result(Saved):
     def to_dataframe(self) -> pd.DataFrame:
         """Return the main table as a pandas DataFrame, numbers as numbers."""
         return dataframe(self.to_columns())
-
-    def plot(self, **options: Any) -> Any:
-        """Draw it (see :mod:`trunnion.plot`); return the matplotlib axes, or figure, drawn on."""
-        return importlib.import_module("trunnion.plot").draw(self, **options)
-
-    def scene(self, *context: Any, **options: Any) -> Any:
-        """Return its view in space as a Plotly figure (see :func:`trunnion.plot.scene`)."""
-        return importlib.import_module("trunnion.plot").scene(self, *context, **options)
 
     def title(self) -> str:
         """Return the heading of its page: the name of its class in words, unless it has its own."""

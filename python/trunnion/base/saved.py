@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
@@ -76,6 +77,14 @@ class Saved:
         nodes = {axis: getattr(self, axis) for axis in names if hasattr(self, axis)}
         arrays = {n: (axes, np.asarray(getattr(self, n))) for n, axes in self.GRID.items()}
         return Gridded(nodes, arrays, {}) if arrays else None
+
+    def plot(self, **options: Any) -> Any:
+        """Draw it (see :mod:`trunnion.plot`); return the matplotlib axes, or figure, drawn on."""
+        return import_module("trunnion.plot").draw(self, **options)
+
+    def scene(self, *context: Any, **options: Any) -> Any:
+        """Return its view in space as a Plotly figure (see :func:`trunnion.plot.scene`)."""
+        return import_module("trunnion.plot").scene(self, *context, **options)
 
     def to_xarray(self) -> xr.Dataset:
         """Return what is on a grid as an xarray Dataset with units; xarray is imported here.

@@ -103,6 +103,10 @@ def _converter() -> Converter:
         lambda value, kind: converter.structure(value, _fitting(value, kind)),
     )
     converter.register_structure_hook_func(_is_plain_choice, lambda value, _: value)
+    converter.register_structure_hook_func(
+        lambda kind: hasattr(kind, "from_description"),  # measured data
+        lambda value, kind: kind.from_description(value),
+    )
     return converter
 
 
@@ -167,6 +171,8 @@ def plain(value: Any) -> Any:
         return sorted(plain(entry) for entry in value)
     if isinstance(value, Saved) and is_dataclass(value):  # a result
         return value.to_dict()
+    if hasattr(value, "described"):  # measured data
+        return value.described()
     if is_dataclass(value) and not isinstance(value, type):
         return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
     return str(value)

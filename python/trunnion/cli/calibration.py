@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, TypedDict,
 import typer
 
 import trunnion as tn
+from trunnion.base.input import listed_numbers
 from trunnion.cli.command import Answer, Html, Output, command, one_set_up, save
 from trunnion.cli.program import LogFile, ProbeLog, read_log, save_program
 from trunnion.cli.schema import Of, Printed
-from trunnion.cli.values import Angles, named_values, names, numbers
+from trunnion.cli.values import Angles, named_values, names
 
 if TYPE_CHECKING:
     from trunnion.data.touches import Touches
@@ -102,13 +103,16 @@ def plan(
 
     made = tn.read_setup(setup)
     chain = Chain(made)
-    angles = {chain.turning: numbers("--c", c), chain.tilting: numbers("--tilt", tilt)}
+    angles = {
+        chain.turning: listed_numbers("--c", c),
+        chain.tilting: listed_numbers("--tilt", tilt),
+    }
     bounds = (criterion != "A", max_minutes is not None, max_touches is not None)
-    several = len(numbers("--feeds", feeds)) > 1
+    several = len(listed_numbers("--feeds", feeds)) > 1
     chosen = (c != C_DEG, tilt != TILT_DEG, both_senses, repeats != 1, every_pose, several)
     _check_options(bool(for_), chosen if for_ else bounds)
     if for_:
-        (feed,) = numbers("--feeds", feeds)
+        (feed,) = listed_numbers("--feeds", feeds)
         planned = tn.plan_for(
             made,
             names(for_),
@@ -122,7 +126,7 @@ def plan(
         planned = tn.plan(
             made,
             positions_deg=[(t, c) for t in tilts for c in turns if c] if every_pose else (),
-            feeds_mm_min=numbers("--feeds", feeds),
+            feeds_mm_min=listed_numbers("--feeds", feeds),
             both_senses=both_senses,
             repeats=repeats,
             **{f"{x.lower()}_deg": values for x, values in angles.items() if x},  # type: ignore[arg-type]

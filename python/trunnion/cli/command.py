@@ -221,7 +221,8 @@ def command(
                 if not quiet:
                     typer.echo(answer.json(known.name) if json_ else answer.text())
                 if answer.failed:
-                    _say_failed(answer.failed if quiet or json_ else ())
+                    for message in answer.failed if quiet or json_ else ():  # no text says it
+                        say("error:", message)
                     raise typer.Exit(REFUSED)
             except (Exception, KeyboardInterrupt) as error:
                 _end(error)
@@ -237,12 +238,6 @@ def command(
         return function
 
     return decorate
-
-
-def _say_failed(messages: tuple[str, ...]) -> None:
-    """Say on the error stream what was not usable, where the output has no text that says it."""
-    for message in messages:
-        say("error:", message)
 
 
 def _end(error: BaseException) -> NoReturn:

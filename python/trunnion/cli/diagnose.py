@@ -161,14 +161,11 @@ def _batch(files: list[Path], kind: str, out: Path | None, output: Path | None) 
     answer = Answer({**values, "reports": reports}, (found,), failed=tuple(found.failed.values()))
     said = []
     if out is not None:
-        said = [save(out / "diagnoses.csv", found.save), _wrote(len(reports), out)]
+        pages = f"{len(reports) or 'no'} page{'' if len(reports) == 1 else 's'}"
+        said = [save(out / "diagnoses.csv", found.save), f"wrote {pages} to {out}"]
     if output is not None:
         said.append(answer.save(output))
     return replace(answer, shown=(found, *said))
-
-
-def _wrote(pages: int, folder: Path) -> str:
-    return f"wrote {pages or 'no'} page{'' if pages == 1 else 's'} to {folder}"
 
 
 def _reports(folder: Path, found: DiagnosisBatch) -> dict[str, str]:

@@ -8,11 +8,12 @@ from typing import Annotated, Any, Literal, TypedDict
 import typer
 
 import trunnion as tn
+from trunnion.base.input import listed_numbers
 from trunnion.cli.calibration import SetupFile
 from trunnion.cli.command import Answer, Html, Output, command, group_of, one_set_up, save
 from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
 from trunnion.cli.schema import Printed
-from trunnion.cli.values import Angles, exactly, numbers
+from trunnion.cli.values import Angles, exactly
 
 Readings = Annotated[
     list[Path],
@@ -58,7 +59,9 @@ def plan(
 
     made = tn.read_setup(setup)
     chain = Chain(made)
-    tilts, turns = np.meshgrid(numbers("--tilt", tilt), numbers("--turn", turn), indexing="ij")
+    tilts, turns = np.meshgrid(
+        listed_numbers("--tilt", tilt), listed_numbers("--turn", turn), indexing="ij"
+    )
     angles = {chain.tilting: tilts.ravel(), chain.turning: turns.ravel()}
     planned = tn.plan_rotary_test(
         made,

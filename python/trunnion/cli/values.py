@@ -8,11 +8,9 @@ from typing import Annotated
 import typer
 
 from trunnion.base.errors import InputError
+from trunnion.base.input import listed_numbers
 
 Angles = Annotated[str, typer.Option(help="0,90,180 or first:last:step, degrees")]
-
-MAX_NUMBERS = 100_000
-"""Numbers that a range may stand for."""
 
 
 def names(text: str) -> list[str]:
@@ -40,28 +38,9 @@ def named_values(what: str, texts: Iterable[str] | None) -> dict[str, float]:
     return found
 
 
-def numbers(what: str, text: str) -> list[float]:
-    """Return ``"0,90,180"`` or ``"0:330:30"`` (first, last, step) as numbers.
-
-    Raises InputError: anything else.
-    """
-    try:
-        if ":" in text:
-            first, last, step = (float(part) for part in text.split(":"))
-            count = int((last - first) / step + 1e-9) + 1
-            if count < 1 or count > MAX_NUMBERS:
-                raise ValueError(text)
-            return [first + i * step for i in range(count)]
-        return [float(part) for part in text.split(",") if part.strip()]
-    except (ValueError, ZeroDivisionError, OverflowError):
-        raise InputError(
-            f"{what}: got {text!r}, expected numbers such as 0,90,180 or first:last:step"
-        ) from None
-
-
 def exactly(what: str, text: str, count: int) -> list[float]:
     """Return numbers, as many as `count` says."""
-    values = numbers(what, text)
+    values = listed_numbers(what, text)
     if len(values) != count:
         raise InputError(f"{what}: got {text!r}, expected {count} numbers separated by commas")
     return values

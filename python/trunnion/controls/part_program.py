@@ -18,7 +18,7 @@ from trunnion.base.checks import choose, positive
 from trunnion.base.errors import InputError, ProgramError
 from trunnion.base.report import Result, Table
 from trunnion.base.units import Floats
-from trunnion.compensation.machine import Known, MachineErrors
+from trunnion.compensation.machine import Known
 from trunnion.controls.forecast import known_errors
 from trunnion.controls.tool_path import Kept, Piece, Tool, pieces
 from trunnion.machine.estimate import Estimate
@@ -169,13 +169,9 @@ def correct_program(
         None if given != written else 1e3 * tool.largest(moves, moves, None),
         1e3 * tool.largest(moves, again, writer.sources),
         float(np.sum(tool.minutes(moves))),
-        _ignored(known),
+        tuple(f"{x} (moves nothing, or is no error of the machine)" for x in known.ignored),
         tuple(filter(None, [size_doubt(known.errors, std)])),
     )
-
-
-def _ignored(known: MachineErrors) -> tuple[str, ...]:
-    return tuple(f"{name} (moves nothing, or is no error of the machine)" for name in known.ignored)
 
 
 def _check(moves: Moves) -> None:

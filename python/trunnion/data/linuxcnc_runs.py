@@ -171,7 +171,8 @@ class Log:
             )
         if not others:
             return ours, ()
-        return ours, (f"{self.file} also has {_runs(others)} of {_plans(others)}: not read.",)
+        count = "1 run" if len(others) == 1 else f"{len(others)} runs"
+        return ours, (f"{self.file} also has {count} of {_plans(others)}: not read.",)
 
     def cut(self, last: int) -> tuple[str, ...]:
         """Say that the last line, whose number is given, is cut off; nothing if it is whole.
@@ -240,7 +241,3 @@ def _plans(runs: Sequence[Run]) -> str:
     named = list(found.values())[:MAX_OTHERS]
     more = len(found) - len(named)
     return "; ".join(named) + (f"; and {more} more" if more else "")
-
-
-def _runs(runs: Sequence[Run]) -> str:
-    return "1 run" if len(runs) == 1 else f"{len(runs)} runs"

@@ -123,12 +123,8 @@ class Cause(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """Parameters with their standard errors."""
-        rows = [
-            (name, *measured(value, self.std_errors[name]), unit_of(name))
-            for name, value in self.parameters.items()
-        ]
-        columns = ("parameter", "value", "standard error", "unit")
-        return (Table.of(f"{self.called()}, {chance(self.p_value)}", columns, rows),)
+        title = f"{self.called()}, {chance(self.p_value)}"
+        return (parameter_table(title, self.parameters, self.std_errors),)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -395,6 +391,14 @@ def units_of(readings: Readings) -> tuple[tuple[str, ...], Integers]:
 def rms(r: Floats) -> float:
     """Root of the mean square."""
     return float(np.sqrt(np.mean(r * r)))
+
+
+def parameter_table(
+    title: str, values: Mapping[str, float], std_errors: Mapping[str, float]
+) -> Table:
+    """Return parameters with their standard errors, one a row."""
+    rows = [(n, *measured(value, std_errors[n]), unit_of(n)) for n, value in values.items()]
+    return Table.of(title, ("parameter", "value", "standard error", "unit"), rows)
 
 
 def labelled(id_: str, label: str) -> str:

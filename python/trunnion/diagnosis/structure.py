@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 
 from trunnion.base.errors import DataError
-from trunnion.base.report import Result, Table, measured
+from trunnion.base.report import Result, Table
 from trunnion.base.units import Floats, unit_of
 from trunnion.diagnosis.case import Case, Explanation
 from trunnion.diagnosis.cross_validation import better
@@ -17,7 +17,7 @@ from trunnion.diagnosis.effect import Effect, EffectValues, Values
 from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.formula import FormulaEffect
 from trunnion.diagnosis.model import Model, Uncertainty
-from trunnion.diagnosis.records import value_in_words
+from trunnion.diagnosis.records import parameter_table, value_in_words
 from trunnion.machine.estimate import Estimate
 
 WHY_NOT = "nobody has named what makes it"
@@ -68,12 +68,7 @@ class Structure(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """Parameters with their standard errors."""
-        rows = [
-            (name, *measured(value, self.std_errors[name]), unit_of(name))
-            for name, value in self.parameters.items()
-        ]
-        columns = ("parameter", "value", "standard error", "unit")
-        return (Table.of(self.effect.label, columns, rows),)
+        return (parameter_table(self.effect.label, self.parameters, self.std_errors),)
 
 
 class _ModelWith:

@@ -184,7 +184,8 @@ class Delimited:
         if not commas or self._decimal == ".":
             return
         name, row = commas[0]
-        place = (self.data_lines[row], self._start(name, row))
+        line = self.data_lines[row]
+        place = (line, self.starts(line)[self.header.index(name)])
         got = f"{name}: got {columns[name][row]!r}"
         for other, values in columns.items():
             points = _matching(values, _POINT)
@@ -269,9 +270,6 @@ class Delimited:
     def _has_fields(self, line: int) -> bool:
         """Whether a line holds more than separators."""
         return bool(self.lines[line].strip(self.separator + " \t"))
-
-    def _start(self, name: str, row: int) -> int:
-        return self.starts(self.data_lines[row])[self.header.index(name)]
 
     def fields(self, line: int) -> list[str]:
         """Return the fields of one line, without spaces and quotes around them."""

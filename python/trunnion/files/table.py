@@ -13,7 +13,6 @@ same words, serve the constructor and the file reader.
 """
 
 import html
-import importlib
 import io
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -440,14 +439,6 @@ class Table(Saved):
             return cls.from_description(values)
         except TrunnionError as error:
             raise FileFormatError(f"{where}: {error}") from error
-
-    def plot(self, **options: Any) -> Any:
-        """Draw it (see :mod:`trunnion.plot`); return the matplotlib axes, or figure, drawn on."""
-        return importlib.import_module("trunnion.plot").draw(self, **options)
-
-    def scene(self, *context: Any, **options: Any) -> Any:
-        """Return its view in space as a Plotly figure (see :func:`trunnion.plot.scene`)."""
-        return importlib.import_module("trunnion.plot").scene(self, *context, **options)
 
     def __repr__(self) -> str:
         count = len(self)

@@ -32,7 +32,7 @@ def sheet_lines(name: str, raw: bytes, sheet: str | None) -> tuple[list[str], st
             f"{name}:1:1: got a file that cannot be read as a workbook ({type(error).__name__}), "
             "expected xlsx or text"
         ) from None
-    filled = [title for title, rows in sheets.items() if any(map(_filled, rows))]
+    filled = [t for t, rows in sheets.items() if any(c is not None for r in rows for c in r)]
     if sheet is None and len(filled) == 1:
         (sheet,) = filled
     if sheet not in sheets:
@@ -64,10 +64,6 @@ def parquet_lines(name: str, raw: bytes) -> list[str]:
     columns = [column.to_pylist() for column in table.columns]
     rows = [table.column_names, *zip(*columns, strict=True)]
     return [",".join(map(_field, row)) for row in rows]
-
-
-def _filled(row: list[Any]) -> bool:
-    return any(cell is not None for cell in row)
 
 
 def _field(cell: Any) -> str:

@@ -12,8 +12,8 @@ from trunnion.base.report import (
     Result,
     Shown,
     Table,
+    cell_text,
     measured,
-    number,
     plus_minus,
     significant,
 )
@@ -83,7 +83,7 @@ class Change:
     def sentence(self) -> str:
         """Say both values and the change."""
         by = plus_minus(self.change, self.std_error)
-        ends = " → ".join(map(_text, self.ends))
+        ends = " → ".join(map(cell_text, self.ends))
         change = "rms of the difference" if self.rms else "change"
         return with_unit(f"{self.called} {ends} ({change} {by})", self.unit)
 
@@ -213,7 +213,8 @@ class MachineComparison(Result):
         going = [t for t in self.trends if t.changing]
         if going:
             each = "day" if self.dated else "measurement"
-            parts = [f"{t.called} {_rate(t)} a {each}" for t in going]
+            rates = [with_unit(plus_minus(t.rate, t.std_error), t.unit) for t in going]
+            parts = [f"{t.called} {rate} a {each}" for t, rate in zip(going, rates, strict=True)]
             lines.append(f"Trend: {_listed(parts)}.")
         out = [
             f"{t.called} at {', '.join(self.names[i] for i in t.outside)}"
@@ -274,14 +275,6 @@ def _row(q: Change) -> tuple[Cell, ...]:
 
 def _chance(p: float) -> Shown:
     return Shown(p, chance(p).removeprefix("p ").removeprefix("= "))
-
-
-def _rate(t: Trend) -> str:
-    return with_unit(plus_minus(t.rate, t.std_error), t.unit)
-
-
-def _text(cell: Cell) -> str:
-    return cell.text if isinstance(cell, Shown) else number(None if cell is None else float(cell))
 
 
 def _listed(parts: Sequence[str]) -> str:

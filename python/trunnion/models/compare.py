@@ -9,7 +9,7 @@ standard that a kind of data has, and the machine's location errors.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime
 from itertools import pairwise
@@ -23,6 +23,7 @@ from trunnion.base.errors import InputError
 from trunnion.base.report import Result
 from trunnion.base.units import Floats, unit_of
 from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.records import Cause
 from trunnion.diagnosis.refit import Refit, refit
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.files.table import Table
@@ -243,18 +244,22 @@ def _with(v: _Value, more: float) -> _Value:
 # --- like with like
 
 
+def surest_causes(diagnoses: Iterable[Diagnosis]) -> dict[str, Mapping[str, float]]:
+    """Return the causes that any of them names: id → parameters, by the surest."""
+    found: dict[str, Cause] = {}
+    for c in (c for d in diagnoses for c in d.causes):
+        if c.id not in found or c.p_value < found[c.id].p_value:
+            found[c.id] = c
+    return {name: c.parameters for name, c in found.items()}
+
+
 def _fitted(
     diagnoses: Sequence[Diagnosis], notes: list[str]
 ) -> tuple[dict[str, tuple[_Value, ...]], dict[str, tuple[_Vector, ...]]]:
     """Every measurement with the causes of all of them: few parameters by name, many by effect."""
     models = _models(diagnoses)
-    causes: dict[str, tuple[float, Mapping[str, float]]] = {}
-    for d in diagnoses:
-        for c in d.causes:
-            if c.id not in causes or c.p_value < causes[c.id][0]:
-                causes[c.id] = c.p_value, c.parameters
     effects = {}
-    for name, (_, values) in causes.items():
+    for name, values in surest_causes(diagnoses).items():
         if all(name in {e.id for e in m.effects} for m in models) and not any(
             name in models[0].differing(m) for m in models[1:]
         ):

@@ -24,6 +24,7 @@ from trunnion.data.positioning import Positioning
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.refit import refit
 from trunnion.diagnosis.result import Diagnosis
+from trunnion.models.compare import surest_causes
 from trunnion.models.kinds import diagnose, model_of
 from trunnion.models.positioning import SAME_COUNTER_UM
 
@@ -153,7 +154,7 @@ class InstrumentComparison(Result):
             (
                 a.id,
                 a.whose,
-                *(_shown(a.rms[n], a.std_error[n]) for n in self.instruments),
+                *(Shown(a.rms[n], plus_minus(a.rms[n], a.std_error[n])) for n in self.instruments),
                 *(significant(v) for v in a.differences.values()),
             )
             for a in self.attributions
@@ -164,10 +165,6 @@ class InstrumentComparison(Result):
         )
         own = [(name, significant(s), self.unit) for name, s in self.scatter.items()]
         return causes, Table.of("Scatter", ("", "1 σ", "unit"), own)
-
-
-def _shown(value: float, std: float) -> Shown:
-    return Shown(value, plus_minus(value, std))
 
 
 @checked
@@ -205,7 +202,7 @@ def whose_error(data: Positioning) -> InstrumentComparison:
     names = tuple(each)
     pairs = {f"{a} - {b}": _difference(each[a], each[b]) for a, b in combinations(names, 2)}
     diagnoses = {name: diagnose(one) for name, one in {**each, **pairs}.items()}
-    causes = _causes(tuple(diagnoses.values()))
+    causes = surest_causes(diagnoses.values())
     sizes = {
         name: _sizes(model_of(d.data), d, causes, LEVEL / max(len(causes) * len(diagnoses), 1))
         for name, d in diagnoses.items()
@@ -237,16 +234,6 @@ def _difference(one: Positioning, other: Positioning) -> Positioning:
     """Stops whose deviations are the difference of two instruments."""
     column = "measured_deg" if one.rotary else "measured_mm"
     return one.with_columns(**{column: one.target + one.measured - other.measured})
-
-
-def _causes(diagnoses: tuple[Diagnosis, ...]) -> dict[str, Mapping[str, float]]:
-    """Causes that any of them names, nonlinear parameters by the surest."""
-    found: dict[str, tuple[float, Mapping[str, float]]] = {}
-    for d in diagnoses:
-        for c in d.causes:
-            if c.id not in found or c.p_value < found[c.id][0]:
-                found[c.id] = c.p_value, c.parameters
-    return {name: values for name, (_, values) in found.items()}
 
 
 def _sizes(

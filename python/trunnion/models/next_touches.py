@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from trunnion.base.checks import instance, whole
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.report import Result, Table
 from trunnion.base.saved import Columns
-from trunnion.base.stored import fitting
 from trunnion.base.units import Flags, Floats, Integers, unit_of
 from trunnion.data.touches import Touches
 from trunnion.diagnosis.discrimination import Discrimination, Hypothesis
@@ -101,24 +100,6 @@ class ExpectedDiscrimination(Result):
     def to_columns(self) -> Columns:
         """Return the touches."""
         return self.plan.columns
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return everything as plain values."""
-        return {**super().to_dict(), "plan": self.plan.described()}
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> ExpectedDiscrimination:
-        """Return the expected_discrimination that `to_dict` described."""
-        with fitting(cls.__name__):
-            return cls(
-                Touches.from_description(values["plan"]),
-                int(values["sets"]),
-                float(values["chance"]),
-                None if values["enough"] is None else int(values["enough"]),
-                tuple((frozenset(a), frozenset(b)) for a, b in values["alike"]),
-                {name: float(std) for name, std in values["std_before"].items()},
-                {name: float(std) for name, std in values["std_after"].items()},
-            )
 
 
 MAX_TOUCHES = 1000

@@ -134,7 +134,7 @@ def coordinate_of(
         found = []
         for made, cost in pairs:
             share, used = _explained(change, made, at, nodes)
-            cost += used + 20 * (timed and not _is_time(made.x))
+            cost += used + 20 * (timed and made.x.unit not in ("s", "min", "h"))
             if made.weight.cost >= AS_PARAMETER:  # of these the one that most readings feel
                 cost += 10 * float(1 - made.clear()[at].mean())
             found.append((share, cost, made))
@@ -164,10 +164,6 @@ def _pairs(
                     by = Coordinate(v, weight, index, names, 0.0)
                     out.append((by, cost + 10 * (len(names) - 1)))
     return out
-
-
-def _is_time(v: Covariate) -> bool:
-    return v.unit in ("s", "min", "h")
 
 
 def weights_of(

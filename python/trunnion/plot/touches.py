@@ -16,6 +16,7 @@ from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
 from trunnion.plot.axes import axes_or_new
 from trunnion.plot.picture import Axis, Kind, Picture, Series, arrows, bars, line, points
+from trunnion.plot.scenes.machine import artefact_outline
 from trunnion.plot.static import panels
 from trunnion.plot.style import BLUE, BODY, GREEN, MUTED, PALETTE, PURPLE, VERMILLION, round_number
 from trunnion.probing.observability import Observability
@@ -146,14 +147,7 @@ def _draw_solid(axes: Any, setup: Setup) -> None:
         )
     if artefact.centres_mm:
         return
-    length, width, height = artefact.length_mm, artefact.width_mm, artefact.height_mm
-    a, b = 0.5 * length, 0.5 * width
-    corners = [(-a, -b), (a, -b), (a, b), (-a, b)]
-    if artefact.kind != "cuboid":
-        corners = [
-            (b, -a), (b, -b), (a, -b), (a, b), (b, b), (b, a),
-            (-b, a), (-b, b), (-a, b), (-a, -b), (-b, -b), (-b, -a),
-        ]  # fmt: skip
+    height, corners = artefact.height_mm, artefact_outline(setup).tolist()
     faces = [[(x, y, height) for x, y in corners]]
     for (x1, y1), (x2, y2) in zip(corners, corners[1:] + corners[:1], strict=True):
         faces.append([(x1, y1, 0.0), (x2, y2, 0.0), (x2, y2, height), (x1, y1, height)])

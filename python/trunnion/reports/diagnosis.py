@@ -81,8 +81,9 @@ def diagnosis_document(result: Result, source: Source) -> Document:
     limits = [NOT_JUDGED] if d.causes and not source.tolerance else []
     limits += held_by_u(d.model)
     known = known_of(d)
+    kinds = ", ".join(dict.fromkeys(map(_kind, source.data))) or "diagnosis"
     return Document(
-        f"{capital(_kinds(source))}: {_in_short(found)}",
+        f"{capital(kinds)}: {_in_short(found)}",
         source.subtitle(),
         Mark.BAD if "fail" in decisions else MARKS[d.verdict],
         verdict,
@@ -130,10 +131,6 @@ def _in_short(found: Found) -> str:
         more = "more in doubt" if listed else "perhaps one more"
         return f"{count} certain, {more}" if sure else f"{errors}causes in doubt"
     return f"{count} found" if d.causes else f"{errors}nothing but outliers"
-
-
-def _kinds(source: Source) -> str:
-    return ", ".join(dict.fromkeys(map(_kind, source.data))) or "diagnosis"
 
 
 def _kind(data: DataTable) -> str:

@@ -43,7 +43,8 @@ class Space:
 def in_space(result: Result, source: Source) -> list[Item]:
     """Return the view in space of a result where there is one, with its data and set-up."""
     names = [kind.__name__ for kind in type(result).__mro__ if kind.__name__ in VIEWS]
-    if not names or (names[0] == "Diagnosis" and not _touched(source)):
+    touched = len(source.data) == 1 and isinstance(source.data[0], Touches)
+    if not names or (names[0] == "Diagnosis" and not touched):
         return []
     known = [one for one in (*source.data, source.setup) if one is not None]
     context = known if names[0] in WITH_DATA else []
@@ -62,7 +63,3 @@ def in_space(result: Result, source: Source) -> list[Item]:
     note = f"{said}. {TURN}" if said else TURN
     title = TITLES.get(names[0], RESIDUALS)
     return [Space(title, note, {"data": figure["data"], "layout": layout})]
-
-
-def _touched(source: Source) -> bool:
-    return len(source.data) == 1 and isinstance(source.data[0], Touches)

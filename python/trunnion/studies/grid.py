@@ -173,7 +173,7 @@ def _axis(name: str, values: Any, known: Mapping[str, Parameter]) -> tuple[Value
     for place, value in enumerate(values):
         with entry(place):
             checked.append(_value(name, value, known))
-    if len({_kind(value) for value in checked}) > 1:
+    if len({float if type(value) is int else type(value) for value in checked}) > 1:
         raise InputError(
             f"axis {name}: got values of several kinds, expected only numbers, only text or only "
             "true and false"
@@ -181,10 +181,6 @@ def _axis(name: str, values: Any, known: Mapping[str, Parameter]) -> tuple[Value
     if len(set(checked)) < len(checked):
         raise InputError(f"axis {name}: got a value twice, expected each once")
     return tuple(checked)
-
-
-def _kind(value: Value) -> type:
-    return float if type(value) is int else type(value)
 
 
 def _value(name: str, value: Any, known: Mapping[str, Parameter]) -> Value:

@@ -10,6 +10,7 @@ from typing import Any
 
 from trunnion.base.checks import choose
 from trunnion.base.errors import InputError
+from trunnion.base.input import listed_numbers
 from trunnion.base.units import unit_of
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
@@ -94,13 +95,13 @@ def _setting(items: tuple[tuple[str, Value], ...]) -> Setting:
     tilting = f"{(Chain(setup).tilting or 'a').lower()}_deg"
     made = plan(
         setup,
-        c_deg=_numbers("plan.c_deg", values),
-        feeds_mm_min=_numbers("plan.feeds_mm_min", values),
+        c_deg=listed_numbers("plan.c_deg", str(values["plan.c_deg"])),
+        feeds_mm_min=listed_numbers("plan.feeds_mm_min", str(values["plan.feeds_mm_min"])),
         both_senses=bool(values["plan.both_senses"]),
         all_faces=bool(values["plan.all_faces"]),
         layout=str(values["plan.layout"]),
         repeats=int(values["plan.repeats"]),
-        **{tilting: _numbers("plan.tilt_deg", values)},  # type: ignore[arg-type]
+        **{tilting: listed_numbers("plan.tilt_deg", str(values["plan.tilt_deg"]))},  # type: ignore[arg-type]
     )
     return Setting(setup, made)
 
@@ -132,20 +133,6 @@ def _stored(above: list[str], key: str, value: Value) -> Any:
     if isinstance(value, str) and isinstance(keys_of(part)[key].takes, Vector):
         return [float(each) for each in value.split(",")]
     return value
-
-
-def _numbers(name: str, values: Values) -> list[float]:
-    """Return "0,90" or "first:last:step" as numbers."""
-    text = str(values[name])
-    try:
-        if ":" not in text:
-            return [float(each) for each in text.split(",")]
-        first, last, step = map(float, text.split(":"))
-        return [first + i * step for i in range(int((last - first) / step + 1e-9) + 1)]
-    except (ValueError, ZeroDivisionError, OverflowError):
-        raise InputError(
-            f"{name}: got {text!r}, expected numbers such as 0,90,180 or first:last:step"
-        ) from None
 
 
 @functools.cache
