@@ -14,9 +14,11 @@ from power.measured_twin import make_sweep
 from trunnion.base.units import Floats
 from trunnion.diagnosis import candidates, case, classes
 from trunnion.diagnosis import columns as kept
-from trunnion.diagnosis.effect import Effect, Parameter
+from trunnion.diagnosis.effect import Effect, Parameter, Values, periodic
+from trunnion.diagnosis.fit import fit
 from trunnion.diagnosis.linear_model import LinearModel
 from trunnion.diagnosis.model import Covariate, Nuisance, Readings
+from trunnion.diagnosis.whitening import identity
 
 
 def line(n: int, outliers: int = 0) -> LinearModel:
@@ -78,6 +80,26 @@ def test_many_readings_are_stored_in_single_precision_with_the_same_result(
     d = tn.diagnose(data)
     assert (d.verdict, d.alternatives) == (usual.verdict, usual.alternatives)
     np.testing.assert_allclose(_numbers(d), _numbers(usual), rtol=1e-5, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_fit_of_many_readings_arrives_where_another_step_gains_nothing(seed: int) -> None:
+    """A wave beside another that nobody looks for: plain Gauss-Newton steps fall by half each."""
+    n, rng = 20_000, np.random.default_rng(seed)
+    place = rng.uniform(0.0, 400.0, n)
+    y = rng.normal(0.0, 0.4, n)
+    for pitch in (64.0, 78.0):
+        y += 0.2 * np.cos(2 * np.pi * place / pitch)
+    sought = Parameter("pitch_mm", grid=(60.0, 66.0, 72.0, 79.0, 87.0), bounds=(50.0, 100.0))
+    wave = periodic("cyclic", sought, [(place, np.ones(n))])
+    readings = Readings(y, np.arange(n), "µm")
+    model = LinearModel(
+        place, readings, [Nuisance("offset", "µm")], np.ones((n, 1)), effects=[wave]
+    )
+    start = {"cyclic": Values(a_um=0.0, b_um=0.0, pitch_mm=72.0)}
+    found = fit(model, np.arange(n), [wave], model.start, start, identity)
+    step = np.linalg.lstsq(found.jacobian, found.residuals, rcond=None)[0]
+    assert np.sum((found.jacobian @ step) ** 2) < 1e-10 * found.rss
 
 
 def test_numbers_do_not_depend_on_blas_threads() -> None:

@@ -137,6 +137,11 @@ def spanned(columns: Floats, values: Floats, hold: Flags) -> Spanned:
         return Spanned(columns, weights)
 
 
+def in_columns(columns: Floats) -> Floats:
+    """Return columns, (n, k), of many rows one after the other in memory: no sum strides."""
+    return np.asfortranarray(columns) if len(columns) >= MANY_ROWS else columns
+
+
 def triangular_factor(columns: Floats, values: Floats) -> Floats:
     """Triangular factor of columns with values as a last column, (p + 1, p + 1).
 

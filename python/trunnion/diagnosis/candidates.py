@@ -7,7 +7,7 @@ nonlinear parameters.
 
 import itertools
 from bisect import bisect_right
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from types import MappingProxyType
 
@@ -313,13 +313,23 @@ class Candidates:
 
     def _overlaps(self, blocks: Integers) -> Floats:
         """Cosine between each of some blocks and the next (b - 1,)."""
-        k, (part, some) = int(self.rank[blocks[0]]), self._place(int(blocks[0]))
-        every = slice(some.start, some.start + k * len(blocks))
+        k = int(self.rank[blocks[0]])
         even = np.all(self.rank[blocks] == k) and np.all(np.diff(self.start[blocks]) == k)
-        if even and every.stop <= len(part):
-            return np.asarray(np.sqrt((neighbours(part, every, k) ** 2).sum(axis=(1, 2)) / k))
+        parts = np.searchsorted(self._ends, self.start[blocks], side="right")
+        runs = np.split(blocks, np.flatnonzero(np.diff(parts)) + 1)
+        if even and (len(runs) == 1 or len(self._basis) >= MANY_ROWS):
+            found = list(self._between(runs, k))
+            return np.asarray(np.sqrt((np.concatenate(found) ** 2).sum(axis=(1, 2)) / k))
         pairs = (self._inner(a, b) for a, b in itertools.pairwise(map(int, blocks)))
         return np.array([np.sqrt(np.sum(g * g) / max(g.shape)) for g in pairs])
+
+    def _between(self, runs: Sequence[Integers], k: int) -> Iterator[Floats]:
+        """Inner products of neighbouring blocks of one rank, each run of them in one part."""
+        for i, run in enumerate(runs):
+            if i:
+                yield self._inner(int(runs[i - 1][-1]), int(run[0]))[None]
+            part, some = self._place(int(run[0]))
+            yield neighbours(part, slice(some.start, some.start + k * len(run)), k)
 
     def products(self, r: Floats) -> Floats:
         """Inner products of all columns with residuals (n,) or (n, s): shape (M,) or (M, s)."""

@@ -4,7 +4,6 @@ Columns are rows of arrays here. Of many readings those of candidates with a gri
 precision, and the sums in double.
 """
 
-import itertools
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -151,7 +150,11 @@ def neighbours(part: Floats | Part, some: slice, k: int) -> Floats:
     own = part[some].reshape(-1, k, part.shape[1])
     if part.dtype == np.float64:
         return np.asarray(own[:-1] @ own[1:].transpose(0, 2, 1))
-    return np.stack([inner(a, b.T) for a, b in itertools.pairwise(own)])
+    out = np.zeros((len(own) - 1, k, k))
+    for first in range(0, own.shape[2], AT_ONCE):
+        double = own[:, :, first : first + AT_ONCE].astype(np.float64)
+        out += double[:-1] @ double[1:].transpose(0, 2, 1)
+    return out
 
 
 class Shelf:

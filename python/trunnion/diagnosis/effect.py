@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 
 from trunnion.base.rotation import wave_rows
 from trunnion.base.rows import at_hand, where
+from trunnion.base.statistics import in_columns
 from trunnion.base.units import Floats, Integers, unit_of
 from trunnion.diagnosis.classes import Spread
 from trunnion.machine.effects import EffectInfo, Motion, Owner, ParameterInfo, UserEffect
@@ -191,7 +192,8 @@ def linear(
         Further attributes of :class:`Effect`: ``owner``, ``motion``, ``needs``.
     """
     full = parameters_of(parameters)
-    fixed = _Fixed(tuple(p.name for p in full), np.reshape(columns, (-1, len(full))))
+    made = in_columns(np.reshape(columns, (-1, len(full))))
+    fixed = _Fixed(tuple(p.name for p in full), made)
     return Effect(id_, full, fixed.change, fixed.jacobian, label, **more)
 
 

@@ -18,7 +18,6 @@ from scipy.linalg import block_diag
 from trunnion.base.errors import DataError, KinematicsError
 from trunnion.base.statistics import (
     MANY_ROWS,
-    RANK_TOLERANCE,
     LinearFit,
     Spanned,
     basis_of,
@@ -30,6 +29,7 @@ from trunnion.base.units import Floats as Array
 from trunnion.base.units import Integers as IntArray
 from trunnion.diagnosis.columns import DEPENDENT
 from trunnion.diagnosis.effect import Effect, Values
+from trunnion.diagnosis.gains import gains_at
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.whitening import Whiten
 
@@ -37,11 +37,9 @@ Flags: TypeAlias = NDArray[np.bool_]
 
 MAX_STEPS = 12
 ABSORBED_SHARE = DEPENDENT**0.5
-GONE = 1e-12  # of a squared column, what rounding leaves of it
 MAX_HALVINGS = 6
 GRID_ZOOMS = 2
 ZOOM_POINTS = 9
-TRIALS_AT_ONCE = 16  # of many readings
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,15 +159,19 @@ def fit(
     rss = float(w @ w)
     jac = problem.derivative(at)
     solved = problem.solve(jac, w)
+    last: _Last | None = None
     for _ in range(MAX_STEPS):
         if solved.promised <= 1e-10 * rss or rss <= 0:
             break
-        step = solved.found.solution @ problem.directions
+        lengths = solved.lengths(last)
+        step = lengths @ problem.directions
         taken = _downhill(problem, at, step, rss)
         if taken is None and problem.beyond(at, step).any():
             taken = _downhill(problem, at, problem.within(at, jac, w, step), rss)
         if taken is None:
             break
+        whole = np.array_equal(problem.moved(at, step).nuisance, taken[0].nuisance)
+        last = _Last(solved.found.solution, lengths) if whole else None
         at, r, w, rss_new = taken
         gained, rss = rss - rss_new, rss_new
         jac = problem.derivative(at)
@@ -227,11 +229,34 @@ class _Step:
         found = linear_fit(rows, right, tolerance=tolerance, basis=True)
         return cls(found, float(np.sum((found.basis.T @ right) ** 2)), columns, mixed, factor)
 
+    def lengths(self, last: "_Last | None") -> Array:
+        """How far to go in each direction; of many rows, further by how the last step fell.
+
+        Where what is left of the readings is no noise beside a nonlinear parameter, each step is a
+        fixed share of the one before, and a dozen do not arrive (Anderson 1965, of one step back).
+        """
+        own = self.found.solution
+        if last is None or self.factor is None:
+            return own
+        fell = own - last.solution
+        along = self.factor[:, :-1] @ fell
+        size = float(along @ along)
+        share = float(along @ (self.factor[:, :-1] @ own)) / size if size > 0 else 0.0
+        return np.asarray(own - share * (last.taken + fell))
+
     def basis(self) -> Array:
         """Orthonormal basis of the directions that are not held, all rows."""
         if self.factor is None:
             return self.found.basis
         return basis_of(self.columns, self.found, self.factor, self.mixed)
+
+
+@dataclass(frozen=True)
+class _Last:
+    """The step before: as least squares have it, and as it was taken."""
+
+    solution: Array
+    taken: Array
 
 
 class _Problem:
@@ -428,40 +453,6 @@ def linear_of(effect: Effect, rows: int) -> slice | list[int]:
     if rows >= MANY_ROWS and found and found[-1] - found[0] == len(found) - 1:
         return slice(found[0], found[-1] + 1)
     return found
-
-
-def gains_at(
-    columns: Callable[[float], Array], trials: Array, basis: Array | Spanned, residual: Array
-) -> Array:
-    """Return :func:`gains_beside` of columns (n, k) at several values, shape (v,).
-
-    Of many readings several at once, for which the basis is read once.
-    """
-    out = np.zeros(len(trials))
-    at_once = 1 if len(residual) < MANY_ROWS else TRIALS_AT_ONCE
-    for first in range(0, len(trials), at_once):
-        some = slice(first, first + at_once)
-        rows = [columns(trial).T for trial in trials[some].tolist()]
-        out[some] = gains_beside(np.stack(rows).transpose(0, 2, 1), basis, residual)
-    return out
-
-
-def gains_beside(variants: Array, basis: Array | Spanned, residual: Array) -> Array:
-    """Drop of the RSS of a residual by columns (v, n, k), beside an orthonormal basis (n, q).
-
-    Each set of columns by itself, shape (v,). ``residual``: what the basis leaves, (n,).
-    """
-    rows = variants.transpose(0, 2, 1)
-    v, k, n = rows.shape
-    flat = rows.reshape(-1, n)
-    whole, taken = rows @ variants, (flat @ basis).reshape(v, k, -1)
-    left = whole - taken @ taken.transpose(0, 2, 1)
-    own, before = (np.diagonal(x, axis1=1, axis2=2) for x in (left, whole))
-    size = np.sqrt(np.where(own > GONE * before, own, np.inf))
-    share, ways = np.linalg.eigh(left / (size[:, :, None] * size[:, None]))
-    seen = share > RANK_TOLERANCE**2 * share.max(axis=1, initial=GONE, keepdims=True)
-    along = ((flat @ residual).reshape(v, 1, k) / size[:, None] @ ways)[:, 0]
-    return np.asarray(np.sum(np.where(seen, along**2 / np.where(seen, share, 1.0), 0.0), axis=1))
 
 
 def _zoom_one(name: str, grid: Array, values: Values, gains_of: Callable[[Array], Array]) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trunnion.base.errors import InputError
+from trunnion.base.statistics import in_columns
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.effect import Effect, EffectLike
 from trunnion.diagnosis.model import Covariate, Model, Nuisance, Readings
@@ -52,7 +53,7 @@ class LinearModel(Model):
         self.data = data
         self.readings = readings
         self.nuisance = tuple(nuisance)
-        self.design = np.asarray(design, dtype=np.float64)
+        self.design = in_columns(np.asarray(design, dtype=np.float64))
         self.effects = with_own((), effects, data)
         self._covariates = covariates
         self._components = components

@@ -15,7 +15,8 @@ from trunnion.base.statistics import MANY_ROWS, Spanned, linear_fit, spanned
 from trunnion.base.units import Floats
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Effect, Values
-from trunnion.diagnosis.fit import Fit, gains_at, linear_of
+from trunnion.diagnosis.fit import Fit, linear_of
+from trunnion.diagnosis.gains import gains_at
 
 TRIALS = 128  # values that are tried near the one found
 NEGLIGIBLE = 24.0  # of -2 ln L above the best: a probability of 6e-6 of it

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from trunnion.base.units import Floats
 from trunnion.diagnosis.case import Case
+from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.fit import ABSORBED_SHARE, Fit, grid_values, variant_columns
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import labelled, with_unit
@@ -38,14 +39,37 @@ class Others:
         others = [e for e in case.effects if e.linear and e.id not in f.effects]
         if not others or variance <= 0:
             return None
-        columns: dict[str, Floats] = {}
-        for effect in others:
-            x = variant_columns(case.model, effect, f.nuisance, grid_values(effect)[:1])[0]
-            white = case.white(x) / np.sqrt(variance)
-            names = [f"{effect.id}.{p.name}" for p in effect.parameters]
-            columns |= {name: white[:, i] for i, name in enumerate(names)}
+        columns = _Columns(case, f.nuisance, variance, others)
         jacobian = case.white(f.jacobian) / np.sqrt(variance)
         return cls(columns, jacobian, f.covariance * variance)
+
+
+class _Columns(Mapping[str, Floats]):
+    """Derivative of the readings by each parameter over their noise, of one effect at a time."""
+
+    def __init__(
+        self, case: Case, nuisance: Floats, variance: float, effects: list[Effect]
+    ) -> None:
+        self._case, self._nuisance, self._noise = case, nuisance, np.sqrt(variance)
+        names = [[f"{e.id}.{p.name}" for p in e.parameters] for e in effects]
+        self._of = {name: e for e, own in zip(effects, names, strict=True) for name in own}
+        self._made: dict[str, Floats] = {}
+
+    def __getitem__(self, name: str) -> Floats:
+        """Columns are made in the order in which they are iterated."""
+        if name not in self._made:
+            effect, variant = self._of[name], grid_values(self._of[name])[:1]
+            x = variant_columns(self._case.model, effect, self._nuisance, variant)[0]
+            white = self._case.white(x) / self._noise
+            names = (f"{effect.id}.{p.name}" for p in effect.parameters)
+            self._made = dict(zip(names, white.T, strict=True))
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._of)
+
+    def __len__(self) -> int:
+        return len(self._of)
 
 
 def unnoticed_of(

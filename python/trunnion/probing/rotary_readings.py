@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 import trunnion._core as _core
 from trunnion.base.checks import point
 from trunnion.base.errors import DataError, InputError
-from trunnion.base.statistics import RANK_TOLERANCE
+from trunnion.base.statistics import RANK_TOLERANCE, in_columns
 from trunnion.base.units import Floats, Integers
 from trunnion.data.rotary_test import READINGS, RotaryTest
 from trunnion.machine.chain import Chain
@@ -274,7 +274,7 @@ class RotaryReadings:
 
         What moves the ball across a bar changes its length in second order: no information.
         """
-        found = np.empty((self.measured.size, len(x)))
+        found = in_columns(np.empty((self.measured.size, len(x))))
         squares = np.zeros(len(x))
         beside = [(y, self.machine(y)) for d in STEP * np.eye(len(x)) for y in (x + d, x - d)]
         for rows, part in self._parts:

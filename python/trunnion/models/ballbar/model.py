@@ -15,7 +15,8 @@ from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats, Integers
 from trunnion.data.ballbar import Ballbar
 from trunnion.diagnosis.effect import Effect, EffectLike, EffectValues
-from trunnion.diagnosis.fit import gains_beside, variant_columns
+from trunnion.diagnosis.fit import variant_columns
+from trunnion.diagnosis.gains import gains_beside
 from trunnion.diagnosis.grid import best_place
 from trunnion.diagnosis.model import Covariate, Model, Nuisance, Readings, Uncertainty
 from trunnion.diagnosis.own_effects import with_own

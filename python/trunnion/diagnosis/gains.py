@@ -1,0 +1,45 @@
+"""What columns explain of a residual beside an orthonormal basis."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from trunnion.base.statistics import MANY_ROWS, RANK_TOLERANCE, Spanned
+from trunnion.base.units import Floats as Array
+
+GONE = 1e-12  # of a squared column, what rounding leaves of it
+TRIALS_AT_ONCE = 16  # of many readings
+
+
+def gains_at(
+    columns: Callable[[float], Array], trials: Array, basis: Array | Spanned, residual: Array
+) -> Array:
+    """Return :func:`gains_beside` of columns (n, k) at several values, shape (v,).
+
+    Of many readings several at once, for which the basis is read once.
+    """
+    out = np.zeros(len(trials))
+    at_once = 1 if len(residual) < MANY_ROWS else TRIALS_AT_ONCE
+    for first in range(0, len(trials), at_once):
+        some = slice(first, first + at_once)
+        rows = [columns(trial).T for trial in trials[some].tolist()]
+        out[some] = gains_beside(np.stack(rows).transpose(0, 2, 1), basis, residual)
+    return out
+
+
+def gains_beside(variants: Array, basis: Array | Spanned, residual: Array) -> Array:
+    """Drop of the RSS of a residual by columns (v, n, k), beside an orthonormal basis (n, q).
+
+    Each set of columns by itself, shape (v,). ``residual``: what the basis leaves, (n,).
+    """
+    rows = variants.transpose(0, 2, 1)
+    v, k, n = rows.shape
+    flat = rows.reshape(-1, n)
+    whole, taken = rows @ variants, (flat @ basis).reshape(v, k, -1)
+    left = whole - taken @ taken.transpose(0, 2, 1)
+    own, before = (np.diagonal(x, axis1=1, axis2=2) for x in (left, whole))
+    size = np.sqrt(np.where(own > GONE * before, own, np.inf))
+    share, ways = np.linalg.eigh(left / (size[:, :, None] * size[:, None]))
+    seen = share > RANK_TOLERANCE**2 * share.max(axis=1, initial=GONE, keepdims=True)
+    along = ((flat @ residual).reshape(v, 1, k) / size[:, None] @ ways)[:, 0]
+    return np.asarray(np.sum(np.where(seen, along**2 / np.where(seen, share, 1.0), 0.0), axis=1))
