@@ -330,7 +330,7 @@ def test_another_sweep_in_the_file(tmp_path: Path) -> None:
         (2, (), 0, "sample 2, "),
         (2, (), 0, "It was complete: nothing was computed."),
         (3, (), 2, "samples is 2 there, 3 here; expected the same sweep to go on with, or another"),
-        (3, (), 2, "(--force begins anew)"),
+        (3, (), 2, "(--force starts again)"),
         (3, ("--force",), 0, "sample 3, "),
         (3, ("--force",), 0, "It was complete: nothing was computed."),
     ):

@@ -145,7 +145,7 @@ def sections() -> Iterator[str]:
         OTHER_ERRORS, off_place, "Other errors, without the coincidence of Table 2, same placement"
     ).text()
     yield (
-        "The printed forms lose EX0C and EY0C in the mean over a turn (they return the artefact's\n"
+        "The printed forms lose EX0C and EY0C on average over a turn (they return the artefact's\n"
         "eccentricity), take the artefact's yaw for EC0A, and find EB0A too small. The separating\n"
         "forms and least squares return errors and placement from the same 72 touches; left is\n"
         "what the 0.1 µm tick of the trigger leaves."

@@ -83,8 +83,9 @@ def finite(what: str, value: object, expected: str = "a finite number") -> float
     raise InputError(f"{what}: got {shown(value)}, expected {expected}")
 
 
-def positive(what: str, value: object, expected: str = "a finite number above 0") -> float:
+def positive(what: str, value: object) -> float:
     """Return a finite number above 0."""
+    expected = "a finite number above 0"
     number = finite(what, value, expected)
     if number <= 0.0:
         raise InputError(f"{what}: got {shown(value)}, expected {expected}")

@@ -99,13 +99,10 @@ def uncertainty(std: float) -> str:
     return plus_minus(std, std).partition(" ")[0]
 
 
-def plus_minus(value: float, std: float | None, digits: int = 3) -> str:
-    """Say a value with its standard error: ``4.82 ± 0.31``.
-
-    digits: Significant ones of a value without uncertainty.
-    """
+def plus_minus(value: float, std: float | None) -> str:
+    """Say a value with its standard error: ``4.82 ± 0.31``."""
     if std is None or std <= 0:
-        return significant(value, digits).text
+        return significant(value).text
     if not np.isfinite(std):
         return number(std)
     return " ± ".join(x.text for x in measured(value, std) if isinstance(x, Shown))

@@ -89,7 +89,7 @@ def sweep(
     complete = target.exists()
     try:
         with _answering_interrupts(), _said_beforehand():
-            found, anew = _swept(study, target, threads)
+            found, again = _swept(study, target, threads)
     except KeyboardInterrupt:
         typer.echo(
             f"interrupted: {target}.part has what is done; the same command goes on", err=True
@@ -98,7 +98,7 @@ def sweep(
     except ImportError as error:
         raise tn.InputError(str(error)) from None
     said = _described(target, found)
-    if complete and not anew:
+    if complete and not again:
         said.append("It was complete: nothing was computed.")
     return Answer({"file": str(target), "sizes": dict(found.sizes)}, tuple(said))
 
@@ -112,7 +112,7 @@ def _swept(study: Path, target: Path, threads: int | None) -> tuple[Any, bool]:
         return sweep_file(study, path=target, threads=threads), False
     except AnotherSweepError as error:
         if not forced():
-            raise tn.DataError(f"{error} (--force begins anew)") from None
+            raise tn.DataError(f"{error} (--force starts again)") from None
     for path in (target, Path(f"{target}.part")):
         path.unlink(missing_ok=True)
     return sweep_file(study, path=target, threads=threads), True

@@ -221,7 +221,7 @@ def volumetric_budget(
     tolerance_um
         Largest volumetric error allowed: conformity by ISO 14253-1 is stated.
     method
-        "linear", or "monte-carlo": inputs are drawn, and the largest error is sought anew for each
+        "linear", or "monte-carlo": inputs are drawn, and the largest error is sought again for each
         draw. The length of an error has a bias where it is not larger than its uncertainty: the
         linear method does not show it.
     draws, seed

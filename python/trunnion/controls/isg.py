@@ -108,7 +108,7 @@ def isg_files(
         {**listed, **_lists(found, chain.letters)},
         settings + table_settings(found.tables, _names(found)),
         held, reasons=found.left, between=left_between(found.tables, 0.5 / PER_UNIT),
-        notes=(LISTS, "Squareness counts from the zero of its axes: set the work offset anew.",
+        notes=(LISTS, "Squareness counts from the zero of its axes: set the work offset again.",
                "The tool direction is not corrected."), seed=seed,
     )  # fmt: skip
 

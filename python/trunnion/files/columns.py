@@ -263,14 +263,14 @@ def is_numeric(column: Column[Any] | None) -> bool:
     return isinstance(column, _Numeric)
 
 
-def scaled(name: str, values: NDArray[Any], factor: float, shift: float = 0.0) -> Floats:
-    """Return ``factor * values + shift`` of a column of numbers or of text that are numbers.
+def scaled(name: str, values: NDArray[Any], factor: float) -> Floats:
+    """Return ``factor * values`` of a column of numbers or of text that are numbers.
 
     Raises ColumnError: a value is no finite number.
     """
     found = Number("")
     found.name = name
-    return factor * np.asarray(found.convert(values), dtype=np.float64) + shift
+    return factor * np.asarray(found.convert(values), dtype=np.float64)
 
 
 def shown_field(value: object) -> str:

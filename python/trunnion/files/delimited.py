@@ -254,16 +254,12 @@ class Delimited:
             return " (decimal commas? then separate the columns by semicolons or tabs)"
         return ""
 
-    def located(self, fault: ColumnError, names: Mapping[str, str] | None = None) -> Exception:
-        """Return the error of the file that a fault of its table is.
-
-        names: Column of the table → column of the file, where they are not called the same.
-        """
+    def located(self, fault: ColumnError) -> Exception:
+        """Return the error of the file that a fault of its table is."""
         line = self.header_line if fault.row is None else self.data_lines[fault.row]
-        name = (names or {}).get(fault.column, fault.column)
         at = 0
-        if name in self.header:
-            at = self.starts(line)[self.header.index(name)]
+        if fault.column in self.header:
+            at = self.starts(line)[self.header.index(fault.column)]
         empty = fault.row is not None and not self._has_fields(line)
         return self.error(line, at, fault.said + " (the whole row is empty)" * empty)
 

@@ -40,7 +40,7 @@ class Chain:
         instance("setup", self.setup, Setup, "a Setup, as read_setup gives it")
 
     def __getstate__(self) -> dict[str, Setup]:
-        """Pickle the set-up alone: what is derived from it is made anew."""
+        """Pickle the set-up alone: what is derived from it is made again."""
         return {"setup": self.setup}
 
     @cached_property

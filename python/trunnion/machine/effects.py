@@ -21,7 +21,7 @@ class Owner(StrEnum):
 
     Of the machine: it moves the tool relative to the work and can be compensated. Instruments
     (probe, ball-bar, tracker) and artefacts change what is read. A workpiece and a placement are
-    of one set-up and are estimated anew in the next. Time: what changes slowly.
+    of one set-up and are estimated again in the next. Time: what changes slowly.
     """
 
     MACHINE = "machine"
@@ -38,7 +38,7 @@ class Owner(StrEnum):
 
     @property
     def of_setup(self) -> bool:
-        """Whether it belongs to one set-up: estimated anew on other data, where others are kept."""
+        """Whether it belongs to one set-up: estimated again on other data; others are kept."""
         return self in (Owner.WORKPIECE, Owner.PLACEMENT)
 
 

@@ -67,14 +67,12 @@ def plot_rates(
     return rates_picture(names, rates).draw(ax, **style)
 
 
-def rates_picture(
-    names: Sequence[str], rates: Mapping[str, ArrayLike], title: str = "How often it is right"
-) -> Picture:
+def rates_picture(names: Sequence[str], rates: Mapping[str, ArrayLike]) -> Picture:
     """Return rates as stacked bars."""
     for outcome, values in rates.items():
         if (shape := np.shape(values)) != (len(names),):
             raise InputError(f"{outcome}: got shape {shape}, expected one a name, {(len(names),)}")
-    return stacked_picture(title, "Share of the runs", names, rates, RATES)
+    return stacked_picture("How often it is right", "Share of the runs", names, rates, RATES)
 
 
 def plot_cnc_parameters(p: CncParameters, *, ax: Any = None, **style: Any) -> Any:

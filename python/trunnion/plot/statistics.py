@@ -39,7 +39,6 @@ def order_picture(
     unit: str,
     *,
     rows: Integers | None = None,
-    hover: Sequence[str] = (),
     title: str = "Residuals, in the order of measurement",
 ) -> Picture:
     """Residuals (n,) one after the other, with ± 2 standard deviations."""
@@ -52,16 +51,14 @@ def order_picture(
         Axis("Reading, in the order of measurement"),
         Axis("Residual", unit),
         (
-            points(at, residuals, "reading", rows=rows, hover=tuple(hover)),
+            points(at, residuals, "reading", rows=rows),
             line(ends, [two, two], "± 2 standard deviations", colour=MUTED, dash="dash"),
             line(ends, [-two, -two], colour=MUTED, dash="dash"),
         ),
     )
 
 
-def normal_picture(
-    residuals: Floats, unit: str, *, rows: Integers | None = None, hover: Sequence[str] = ()
-) -> Picture:
+def normal_picture(residuals: Floats, unit: str, *, rows: Integers | None = None) -> Picture:
     """Quantiles of residuals (n,) against those of normal noise: a straight line if they are."""
     order = np.argsort(residuals, kind="stable")
     n = len(order)
@@ -69,14 +66,13 @@ def normal_picture(
     size = float(np.std(residuals)) if n else 0.0
     mean = float(np.mean(residuals)) if n else 0.0
     ends = np.array([expected[0], expected[-1]]) if n else np.zeros(2)
-    texts = tuple(hover[i] for i in order) if hover else ()
     mine = None if rows is None else rows[order]
     return Picture(
         "Are the residuals normal noise?",
         Axis("Expected of normal noise", "standard deviations"),
         Axis("Residual", unit),
         (
-            points(expected, residuals[order], "reading", rows=mine, hover=texts),
+            points(expected, residuals[order], "reading", rows=mine),
             line(ends, mean + size * ends, "normal noise", colour=PURPLE, dash="dash"),
         ),
         note="Points on the line: they are; ends that leave the line: outliers.",

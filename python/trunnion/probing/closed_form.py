@@ -34,7 +34,7 @@ MAX_STEPS = 50
 
 SEES_PRINTED = (
     "The printed forms assume a perfectly placed artefact: EC0A is found plus its yaw, EZ0A plus "
-    "its height, EX0C and EY0C cancel in the mean over C (equations (6) and (7) return the "
+    "its height, EX0C and EY0C cancel on average over C (equations (6) and (7) return the "
     "artefact's eccentricity), and EB0A comes out too small on side faces (equation (9) takes "
     "distances from the X axis)."
 )

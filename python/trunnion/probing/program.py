@@ -237,5 +237,5 @@ def _check_senses(plan: Touches, cycle: Cycle) -> None:
                 raise DataError(
                     f"plan, touch {number}: got {column} 0 (not turned), but {letter} turns "
                     "before it in this order; expected the sense of that turn, 1 or -1 (was the "
-                    f"plan sorted anew?), or a plan without {column}"
+                    f"plan sorted again?), or a plan without {column}"
                 )

@@ -41,7 +41,7 @@ def tick_mistakes(data: Touches, setup: Setup) -> list[str]:
     if period := servo_period_ms(data):
         return [
             f"The steps of the touches are as their feeds: the control looks at the probe every "
-            f"{period:.3g} ms, and touches are {period / 2:.3g} ms late in the mean, which looks "
+            f"{period:.3g} ms, and touches are {period / 2:.3g} ms late on average, which looks "
             f"like a delay of the trigger: state probe.servo_period_ms = {period:.3g}."
         ]
     return _late_by_half_a_tick(data, setup)
@@ -91,13 +91,13 @@ def _late_by_half_a_tick(data: Touches, setup: Setup) -> list[str]:
         return []
     if several:
         return [
-            f"Touches are {late:.3g} ms late in the mean, and scatter as a control does that looks "
+            f"Touches are {late:.3g} ms late on average, and scatter as a control does that looks "
             f"at the probe every {2 * late:.3g} ms: a servo period that the set-up does not state "
             f"would do exactly this (probe.servo_period_ms = {2 * late:.2g}), and so would a delay "
             "of the trigger."
         ]
     return [
-        f"Touches are {late:.3g} µm late in the mean, and scatter as a control does that looks at "
+        f"Touches are {late:.3g} µm late on average, and scatter as a control does that looks at "
         f"the probe every {2 * late:.3g} µm of the way: a tick that the set-up does not state "
         f"would do exactly this (probe.tick_um = {2 * late:.2g}, or probe.servo_period_ms); else "
         "half of it is in a cause (probe_radius, trigger_delay), or in EZ0A and the placement."
@@ -106,7 +106,7 @@ def _late_by_half_a_tick(data: Touches, setup: Setup) -> list[str]:
 
 @dataclass(frozen=True)
 class _Late:
-    """How late touches are in the mean, ms or µm, and what a fit with it leaves, by freedom."""
+    """How late touches are on average, ms or µm, and what a fit with it leaves, by freedom."""
 
     late: float
     std: float

@@ -1,4 +1,4 @@
-"""The residual of one touch as a symbolic CasADi function, written anew from the conventions.
+"""The residual of one touch as a symbolic CasADi function, written from the conventions alone.
 
 Kinematics, effects and contact share no code with the core, so that where both agree, the formulas
 are right and not only the same. Names and senses of a machine's axes are all that is taken from it.

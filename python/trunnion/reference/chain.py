@@ -1,4 +1,4 @@
-"""The chain of a set-up read anew, for the models that check the core's.
+"""The chain of a set-up, read independently for the models that check the core's.
 
 Only the names of the machine's location errors come from the core.
 """

@@ -174,7 +174,7 @@ def correct(
     feed, machine_codes
         As in `trunnion.nc.follow`.
     keep_numbers
-        Leave N as it is. Otherwise, if every block is numbered evenly, all are numbered anew.
+        Leave N as it is. Otherwise, if every block is numbered evenly, all are numbered again.
 
     Raises
     ------

@@ -78,7 +78,7 @@ def pocketnc(
     )
     notes = (
         f"Take the lines of {OVERLAY} over into the machine's own, a.comp and b.comp into the "
-        "folder beside it; home the machine, measure tools anew, run sign_test.ngc.",
+        "folder beside it; home the machine, measure tools again, run sign_test.ngc.",
     )
     return found, Made({OVERLAY: overlay, **comp}, tuple(homes), found, notes, left)
 

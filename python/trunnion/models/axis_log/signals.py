@@ -194,9 +194,9 @@ class AxisSignal:
         """Positions recorded under these parameters, mm or deg, shape (rows,)."""
         return self.response(self.servo)
 
-    def response(self, servo: Axis, feedback: Feedback | None = None) -> Floats:
+    def response(self, servo: Axis) -> Floats:
         """Positions under these parameters, by row, mm or deg."""
-        return np.asarray(next(self.responses([servo], feedback))[0])
+        return np.asarray(next(self.responses([servo]))[0])
 
     def responses(
         self, servos: Sequence[Axis], feedback: Feedback | None = None

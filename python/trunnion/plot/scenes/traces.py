@@ -225,9 +225,9 @@ def circle(radius: float, count: int = AROUND) -> Floats:
     return radius * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
-def ball(centre: ArrayLike, radius: float, count: int = 24) -> tuple[Floats, Floats]:
+def ball(centre: ArrayLike, radius: float) -> tuple[Floats, Floats]:
     """Return points and faces of a sphere."""
-    half = count // 2
+    count, half = 24, 12
     u = 2 * np.pi * np.arange(count) / count
     v = np.pi * np.arange(half + 1) / half
     u, v = (g.ravel() for g in np.meshgrid(u, v))
@@ -244,18 +244,18 @@ def ball(centre: ArrayLike, radius: float, count: int = 24) -> tuple[Floats, Flo
     return np.asarray(centre) + radius * points, faces
 
 
-def tube(start: Floats, end: Floats, radius: float, count: int = 16) -> tuple[Floats, Floats]:
+def tube(start: Floats, end: Floats, radius: float) -> tuple[Floats, Floats]:
     """Return points and faces of a round bar from one point to another."""
     along = np.asarray(end, dtype=np.float64) - start
     length = float(np.linalg.norm(along))
-    points, faces = prism(circle(radius, count), 0.0, length)
+    points, faces = prism(circle(radius, 16), 0.0, length)
     z = along / length
     x = np.cross(z, [0.0, 0.0, 1.0] if abs(z[2]) < 0.9 else [1.0, 0.0, 0.0])
     x /= np.linalg.norm(x)
     return points @ np.array([x, np.cross(z, x), z]) + start, faces
 
 
-def colour_axis(title: str, high: float, *, low: float = 0.0, place: float = 1.0) -> dict[str, Any]:
+def colour_axis(title: str, high: float, *, low: float = 0.0) -> dict[str, Any]:
     """Return a colour axis with its bar."""
-    bar = {"title": {"text": title, "side": "right"}, "len": 0.7, "thickness": 14, "x": place}
+    bar = {"title": {"text": title, "side": "right"}, "len": 0.7, "thickness": 14, "x": 1.0}
     return {"colorscale": MAGNITUDES, "cmin": low, "cmax": high or 1.0, "colorbar": bar}
