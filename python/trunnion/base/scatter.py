@@ -15,7 +15,7 @@ MAX_RATIO = 10.0  # of the scatter of two directions, that is allowed for
 ALIKE = 1.2  # times the scatter of another direction: weights would change nothing
 FAR = 5.0  # times the scatter of the others of its direction: one reading is no scatter
 FALSE = 0.02  # share of the readings that the test does without
-LEAST_FREEDOM = 8.0  # degrees of freedom of a direction, from which its scatter is judged
+MIN_FREEDOM = 8.0  # degrees of freedom of a direction, from which its scatter is judged
 MIN_FREE = 1e-6
 ROUNDS = 20
 SETTLED = 1e-3
@@ -42,7 +42,7 @@ def variances_by_direction(
     least:
         Variance that no direction goes below.
     """
-    if np.any(shares.T @ np.maximum(free, 0.0) < LEAST_FREEDOM):
+    if np.any(shares.T @ np.maximum(free, 0.0) < MIN_FREEDOM):
         return None
     kept = free > MIN_FREE
     shares, free = shares[kept], free[kept]

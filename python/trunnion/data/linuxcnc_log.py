@@ -27,7 +27,7 @@ from trunnion.base.input import file_bytes
 from trunnion.base.units import Floats
 from trunnion.data.linuxcnc_runs import NUMBERED, RUN, RUN_LINE, Log
 from trunnion.data.touches import ROTARY_AXES, Touches
-from trunnion.files.columns import LARGEST, LEAST, parse_number
+from trunnion.files.columns import LARGEST, SMALLEST, parse_number
 from trunnion.files.recognised import Recognised
 from trunnion.files.text import Source, decode
 from trunnion.setup.control import WORK_OFFSETS
@@ -298,8 +298,8 @@ def _entry(log: Log, line: int, plan: Touches) -> _Entry:
     if number != int(number) or not 1 <= number <= len(plan):
         message = f"touch: got {number:g}, expected a number from 1 to {len(plan)}"
         raise log.error(line, 0, message)
-    if not LEAST <= feed <= LARGEST["mm/min"]:
-        allowed = f"a number from {LEAST:g} to {LARGEST['mm/min']:g}"
+    if not SMALLEST <= feed <= LARGEST["mm/min"]:
+        allowed = f"a number from {SMALLEST:g} to {LARGEST['mm/min']:g}"
         raise log.error(line, 1, f"feed: got {feed:g}, expected {allowed}")
     return _Entry(line, int(number) - 1, [*values, 0.0, 0.0, 0.0], feed)
 

@@ -20,7 +20,7 @@ MAX_AGAIN = 0.5
 MEAN_SIGMAS = 4.0
 """A mean may lie so many standard errors beside the number that was meant."""
 SWEEPS = 20
-LEAST = 1e-6
+MIN_DISTANCE = 1e-6
 """mm or degrees: targets nearer to each other differ by how numbers are stored."""
 DECIMALS = range(-3, 10)
 
@@ -71,7 +71,7 @@ class _Stops(NamedTuple):
             found = np.asarray(number[index], dtype=np.intp)
             low, high = self.limits(found)
             apart = MIN_SEPARATION * (high - low).max() <= (low[1:] - high[:-1]).min()
-            rounding = float((high - low).max()) < LEAST
+            rounding = float((high - low).max()) < MIN_DISTANCE
             if apart and (rounding or self.scatter(found)):
                 return found
         return None

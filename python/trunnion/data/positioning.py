@@ -15,7 +15,7 @@ from trunnion.base.recognition import displayed
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.data.distinct import own_cycles
 from trunnion.data.iso230_2 import Iso2302, Iso2302Rotary
-from trunnion.data.places import LEAST, Places
+from trunnion.data.places import MIN_DISTANCE, Places
 from trunnion.files.columns import ColumnError, Integer, OptionalLabel, OptionalNumber, OptionalTime
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
@@ -115,7 +115,7 @@ class Positioning(Table):
     def notes(self) -> tuple[str, ...]:
         """What is taken otherwise than it is written, one sentence each."""
         found, factor = self.places, 3600.0 if self.rotary else 1e3
-        if found.scatter < LEAST:
+        if found.scatter < MIN_DISTANCE:
             return ()
         return (
             f"The targets scatter by up to {found.scatter * factor:.2g} {self.unit} about "

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from trunnion.base.scatter import LEAST_FREEDOM, LEVEL, variances_by_direction
+from trunnion.base.scatter import LEVEL, MIN_FREEDOM, variances_by_direction
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.fit import Fit
@@ -45,7 +45,7 @@ class Directions:
     def of(cls, model: Model) -> "Directions | None":
         """Return those of a model's readings; None: all feel the same."""
         felt = {k: np.square(c) for k, c in model.components.items() if np.ptp(np.abs(c)) > 0}
-        used = {k: c for k, c in felt.items() if c.sum() >= LEAST_FREEDOM}
+        used = {k: c for k, c in felt.items() if c.sum() >= MIN_FREEDOM}
         if len(used) < 2 or np.any(sum(used.values()) == 0):
             return None
         shares = np.stack(list(used.values()), axis=1)

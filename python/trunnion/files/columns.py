@@ -47,7 +47,7 @@ LARGEST = {
 }
 """Beyond these no machine is meant, and an angle would lose its arcseconds to rounding."""
 
-LEAST = 1e-9
+SMALLEST = 1e-9
 """Where numbers have one sign: one nearer to 0 is of no machine, either."""
 
 
@@ -152,8 +152,8 @@ class _Numeric(Column[T]):
             bad |= ~(numbers > 0.0)
         if self.positive or self.minimum == 0.0:
             zero = "" if self.positive else "0 or "
-            tiny = ~bad & (numbers > 0.0) & (numbers < LEAST)
-            self.refuse(values, tiny, f"{zero}at least {LEAST:g}")
+            tiny = ~bad & (numbers > 0.0) & (numbers < SMALLEST)
+            self.refuse(values, tiny, f"{zero}at least {SMALLEST:g}")
         if self.minimum is not None:
             bad |= ~(numbers >= self.minimum)
         if self.among is not None:
