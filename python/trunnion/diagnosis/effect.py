@@ -295,7 +295,7 @@ class _Waves:
     @classmethod
     def of(cls, named: Iterable[Parameter], parts: Sequence[tuple[Floats, Floats]]) -> _Waves:
         """Keep of many readings those along each part's axis."""
-        kept = ((k := where(w != 0), s[k], w[k]) for s, w in parts)
+        kept = ((k := _acting(w), s[k], w[k]) for s, w in parts)
         return cls(tuple(p.name for p in named), len(parts[0][0]), tuple(kept))
 
     def change(self, values: NamedValues) -> Floats:
@@ -316,6 +316,12 @@ class _Waves:
             if not isinstance(own, slice):
                 out[:, own] = waves
         return out.T
+
+
+def _acting(enters: Floats) -> slice | Integers:
+    """Rows that a wave enters; all where most of them are no slice: to pick them costs more."""
+    rows = where(enters != 0)
+    return slice(None) if not isinstance(rows, slice) and 2 * len(rows) > len(enters) else rows
 
 
 @dataclass(frozen=True, eq=False)
