@@ -292,6 +292,29 @@ def test_an_effect_that_shares_with_an_error_leaves_neither_identified() -> None
     assert np.isinf(d.causes[0].std_errors["kz_um"])
 
 
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ({"backlash_x": {"b_um": 6.0}}, {"backlash_y": {"b_um": -6.0}}),
+        ({"scale_x": {"ppm": 60.0}}, {"scale_y": {"ppm": -60.0}}),
+        ({"drift_x": {"rate_um_h": 8.0}}, {"drift_y": {"rate_um_h": -8.0}}),
+    ],
+)
+@pytest.mark.parametrize("plan", ["paper", "rich"])
+def test_opposite_causes_are_no_structure_without_a_name(
+    first: Any, second: Any, plan: str
+) -> None:
+    """Touches along X and Y only show opposite backlashes as a 2nd harmonic of the azimuth."""
+    for seed in range(40, 43):
+        data = tn.Touches(measured({**first, **second}, plan, seed).columns)
+        d = tn.diagnose(data, ground(plan)[3])
+        assert d.unexplained is None
+        assert d.named == {*first, *second}
+        for cause in d.causes:
+            for name, value in {**first, **second}[cause.id].items():
+                assert abs(cause.parameters[name] - value) < 4 * cause.std_errors[name]
+
+
 def test_times_that_do_not_rise_are_named() -> None:
     data, setup = tn.Touches(measured({}).columns), ground("rich")[3]
     assert data.time_s is not None

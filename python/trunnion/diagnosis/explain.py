@@ -1,6 +1,5 @@
 """Find the sets of causes that explain some readings, and structure that none of them makes."""
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -8,7 +7,6 @@ from functools import partial
 import numpy as np
 
 from trunnion.base.resolution import Floor
-from trunnion.base.units import Floats
 from trunnion.diagnosis.alarms import CAUSE_LEVEL, Alarm, scatter
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case, Explanation, Sets
@@ -16,24 +14,28 @@ from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.probability import NEAR_ODDS, Behind, Only, Probabilities
 from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Term
-from trunnion.diagnosis.selection import SCORE_DIGITS, WITHIN, Found, Search, search
+from trunnion.diagnosis.selection import WITHIN, Found, Search, search
+from trunnion.diagnosis.terms import (
+    best_terms,
+    has_a_name,
+    is_a_sum,
+    one_term_score,
+    promising,
+    stands_for_causes,
+)
 from trunnion.diagnosis.whitening import Whiteners, correlated
 
-MAX_TERMS = 10
-MAX_SENTENCES = 3
 MAX_ALTERNATIVES = 50
 MAX_EXACT = 16  # sets that are tried for an exact fit
 LINEAR_ERROR = 2e-3  # of the plain model's residuals, what columns linearised there miss
 FEW_LEFT = 0.1  # the same where moments and durations are not fitted yet
 FORMULA_ERROR = 1e-4  # the same, what formulas to first order miss; instruments resolve no less
 ASSUMED_ERRORS = (1e-2, 2e-3, 2e-4)  # of these, for data without noise: the fewest causes first
-MIN_LEFT = 1e-14  # of a sum of squares: rounding
 TINY = 1e-300
 STAND_IN = 0.9  # correlation of two effects of which one can take the other's place
 EXPECTED_P = 0.05  # of an effect that costs nothing to name
 MIN_EXPLAINED = 0.05  # of what is left, that a cause explains beside an incomplete model
 UNDETERMINED_P = 0.5  # of an effect beside the others of its set, times the candidates
-MAX_SUMS = 64  # of causes of a set that are compared with terms, those of few first
 NOTHING = Only(frozenset({frozenset()}), none=1.0)
 HIDDEN_SIZES = (1.0, 2.0, 4.0)  # times its least size, an effect that may hide behind causes
 
@@ -145,13 +147,14 @@ def _explained(case: Case) -> Explanation:
     if case.dependent or correlated(case.whiten) is not None:
         # What a model that is not complete leaves competes with no cause: it is stated.
         if alarm_scan.p < SCAN_LEVEL:
-            terms = _best_terms(case, extended)
+            terms = best_terms(case, extended)
     elif not case.exact(extended):
         unexplained = alarm_scan.p < SCAN_LEVEL and alarm_scan.holds(SCAN_LEVEL)
-        if unexplained or _stands_for_causes(case, best):
-            picked = _promising(case, (extended, plain))
+        if unexplained or stands_for_causes(case, best):
+            picked = promising(case, (extended, plain))
+            picked = [i for i in picked if not is_a_sum(case, i, best)]
             if not unexplained:
-                picked = [i for i in picked if not _has_a_name(case, i)]
+                picked = [i for i in picked if not has_a_name(case, i)]
             chances, best, terms, extended = _with_terms(case, picked, chances.search)
             demanded = bool(best.members)
             named = [best] if terms else [best, *(f for f in named if f.members != best.members)]
@@ -312,7 +315,7 @@ def _share(case: Case, f: Fit, effect: Effect, wald: float) -> float:
 def best_score(case: Case) -> float:
     """Score of the best causes, or of the best term."""
     found = search(case.candidates, case.plain.white, floor=case.floor)
-    return min(found.top.score, _one_term_score(case, case.plain))
+    return min(found.top.score, one_term_score(case, case.plain))
 
 
 def _alternatives(case: Case, named: Sequence[Found], least: float) -> Sets:
@@ -379,61 +382,6 @@ def _expand(c: Candidates, f: Found) -> list[dict[int, int]]:
     return out[:MAX_ALTERNATIVES]
 
 
-# --- structure without a name
-
-
-def _term_penalty(case: Case, f: Fit) -> Floats:
-    """Penalty of terms beside a fit, on the scale of the penalties of causes."""
-    return case.dictionary.chance(f) * case.term_inflation(f) + UNNAMED_TERM_PENALTY
-
-
-def _one_term_score(case: Case, plain: Fit) -> float:
-    """Score of the best single term on the plain model."""
-    d = case.dictionary
-    gain, rank = d.of_fit(plain)
-    m = plain.dof
-    left = case.floor.deviance(np.maximum(plain.rss - gain, MIN_LEFT * plain.rss), m)
-    penalty = _term_penalty(case, plain) * m / np.maximum(m - rank - 1, 1)
-    return float(np.min(np.where(rank > 0, left + penalty, np.inf), initial=np.inf))
-
-
-def _stands_for_causes(case: Case, best: Found) -> bool:
-    """Whether one term explains more than a set, or about what several of its causes do together.
-
-    Causes that add up to a cubic none of them makes are a cubic, perhaps.
-    """
-    count = len(best.blocks)
-    if count < 2:
-        return False
-    if _one_term_score(case, case.plain) < best.score:
-        return True
-    c, plain = case.candidates, case.plain
-    columns = [c.columns(b) for b in best.blocks]
-    sizes = np.linalg.lstsq(np.concatenate(columns).T, plain.white, rcond=c.dependent)[0]
-    ends = np.cumsum([len(x) for x in columns])[:-1]
-    parts = [x.T @ own for x, own in zip(columns, np.split(sizes, ends), strict=True)]
-    every = (itertools.combinations(range(count), k) for k in range(2, count + 1))
-    together = list(itertools.islice(itertools.chain.from_iterable(every), MAX_SUMS))
-    sums = np.stack([np.sum([parts[i] for i in some], axis=0) for some in together], axis=1)
-    paid = np.array([sum(c.penalty[best.blocks[i]] for i in some) for some in together])
-    gain, rank = case.dictionary.gains(sums, plain.basis)
-    left = np.einsum("ij,ij->j", sums, sums) - gain
-    worse = left / case.floor.noise(best.rss, plain.dof) - paid
-    worse += _term_penalty(case, plain)[:, None]
-    return bool(np.any(worse[rank > 0] < 2 * WITHIN))
-
-
-def _evidence(case: Case, f: Fit) -> Floats:
-    """Drop of -2 ln L of each term less its penalty."""
-    d = case.dictionary
-    gain, rank = d.of_fit(f)
-    left = np.maximum(f.rss - gain, MIN_LEFT * f.rss)
-    drop = case.floor.deviance(f.rss, f.dof) - case.floor.deviance(left, f.dof)
-    value = np.where(rank > 0, drop - _term_penalty(case, f), -np.inf)
-    # Terms that say the same are ordered by the dictionary, not by rounding.
-    return np.asarray(np.round(value, SCORE_DIGITS))
-
-
 def _with_terms(
     case: Case, picked: list[int], first: Search
 ) -> tuple[Probabilities, Found, list[tuple[Term, float]], Fit]:
@@ -457,42 +405,5 @@ def _with_terms(
     fitted = _fit_set(case, both, causes)
     terms: list[tuple[Term, float]] = []
     if causes.members != top.members or Alarm.of_terms(case, fitted).p < SCAN_LEVEL:
-        terms = _best_terms(case, fitted)
+        terms = best_terms(case, fitted)
     return chances, causes, terms, fitted
-
-
-def _has_a_name(case: Case, term: int) -> bool:
-    """Whether a cause alone makes what a term makes: readings that show it show the cause."""
-    columns, basis, c = case.dictionary.block(term), case.plain.basis, case.candidates
-    own = np.linalg.svd(columns - basis @ (basis.T @ columns), full_matrices=False)[0]
-    made = c.gains(own).mean(axis=1)[np.isfinite(c.penalty)]
-    return bool(np.max(made, initial=0.0) > STAND_IN**2)
-
-
-def _promising(case: Case, fits: Sequence[Fit]) -> list[int]:
-    """Terms with the most evidence under each fit, two at most of a covariate and kind."""
-    picked: list[int] = []
-    for f in fits:
-        per: dict[tuple[str, str], int] = {}
-        for i in map(int, np.argsort(-_evidence(case, f), kind="stable")):
-            term = case.dictionary.terms[i]
-            key = (term.covariate, term.kind)
-            if per.get(key, 0) < 2 and i not in picked:
-                per[key] = per.get(key, 0) + 1
-                picked.append(i)
-            if sum(per.values()) >= MAX_TERMS:
-                break
-    return picked
-
-
-def _best_terms(case: Case, fitted: Fit) -> list[tuple[Term, float]]:
-    """Terms that explain the unnamed part about as well, one a quantity, best first."""
-    d, value = case.dictionary, _evidence(case, fitted)
-    gain, _ = d.of_fit(fitted)
-    found: dict[str, tuple[Term, float]] = {}
-    for i in map(int, np.argsort(-value, kind="stable")):
-        if value[i] < value.max() - WITHIN or len(found) >= MAX_SENTENCES:
-            break
-        share = min(1.0, float(gain[i] / max(fitted.rss, TINY)))
-        found.setdefault(d.terms[i].covariate, (d.terms[i], share))
-    return list(found.values())

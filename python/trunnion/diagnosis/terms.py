@@ -1,0 +1,142 @@
+"""Structure without a name beside causes: which terms compete with them, and which say the rest."""
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+
+from trunnion.base.units import Floats
+from trunnion.diagnosis.case import Case
+from trunnion.diagnosis.fit import Fit
+from trunnion.diagnosis.scan import DEPENDENT, UNNAMED_TERM_PENALTY, Term
+from trunnion.diagnosis.selection import SCORE_DIGITS, WITHIN, Found
+
+MAX_TERMS = 10
+MAX_SENTENCES = 3
+MAX_SUMS = 64  # of causes of a set that are compared with terms, those of few first
+MIN_LEFT = 1e-14  # of a sum of squares: rounding
+SAME = 0.9  # correlation from which a cause makes what a term does
+SAME_SHARE = 1e-3  # of the variance of a term, that causes which make it may leave
+TINY = 1e-300
+
+
+def term_penalty(case: Case, f: Fit) -> Floats:
+    """Penalty of terms beside a fit, on the scale of the penalties of causes."""
+    return case.dictionary.chance(f) * case.term_inflation(f) + UNNAMED_TERM_PENALTY
+
+
+def one_term_score(case: Case, plain: Fit) -> float:
+    """Score of the best single term on the plain model."""
+    d = case.dictionary
+    gain, rank = d.of_fit(plain)
+    m = plain.dof
+    left = case.floor.deviance(np.maximum(plain.rss - gain, MIN_LEFT * plain.rss), m)
+    penalty = term_penalty(case, plain) * m / np.maximum(m - rank - 1, 1)
+    return float(np.min(np.where(rank > 0, left + penalty, np.inf), initial=np.inf))
+
+
+def stands_for_causes(case: Case, best: Found) -> bool:
+    """Whether one term explains more than a set, or about what several of its causes do together.
+
+    Causes that add up to a cubic none of them makes are a cubic, perhaps.
+    """
+    count = len(best.blocks)
+    if count < 2:
+        return False
+    if one_term_score(case, case.plain) < best.score:
+        return True
+    c, plain = case.candidates, case.plain
+    parts = _parts(case, best, plain.white)
+    every = (itertools.combinations(range(count), k) for k in range(2, count + 1))
+    together = list(itertools.islice(itertools.chain.from_iterable(every), MAX_SUMS))
+    sums = np.stack([np.sum([parts[i] for i in some], axis=0) for some in together], axis=1)
+    paid = np.array([sum(c.penalty[best.blocks[i]] for i in some) for some in together])
+    gain, rank = case.dictionary.gains(sums, plain.basis)
+    left = np.einsum("ij,ij->j", sums, sums) - gain
+    worse = left / case.floor.noise(best.rss, plain.dof) - paid
+    worse += term_penalty(case, plain)[:, None]
+    return bool(np.any(worse[rank > 0] < 2 * WITHIN))
+
+
+def _parts(case: Case, f: Found, whole: Floats) -> list[Floats]:
+    """What each cause of a set makes of what they make together of some columns, each (n, ...)."""
+    c = case.candidates
+    columns = [c.columns(b) for b in f.blocks]
+    sizes = np.linalg.lstsq(np.concatenate(columns).T, whole, rcond=c.dependent)[0]
+    ends = np.cumsum([len(x) for x in columns])[:-1]
+    return [x.T @ own for x, own in zip(columns, np.split(sizes, ends), strict=True)]
+
+
+def _evidence(case: Case, f: Fit) -> Floats:
+    """Drop of -2 ln L of each term less its penalty."""
+    d = case.dictionary
+    gain, rank = d.of_fit(f)
+    left = np.maximum(f.rss - gain, MIN_LEFT * f.rss)
+    drop = case.floor.deviance(f.rss, f.dof) - case.floor.deviance(left, f.dof)
+    value = np.where(rank > 0, drop - term_penalty(case, f), -np.inf)
+    # Terms that say the same are ordered by the dictionary, not by rounding.
+    return np.asarray(np.round(value, SCORE_DIGITS))
+
+
+def _directions(case: Case, term: int) -> Floats:
+    """Directions of a term that are not always fitted, orthonormal (n, k)."""
+    columns, basis = case.dictionary.block(term), case.plain.basis
+    own, size, _ = np.linalg.svd(columns - basis @ (basis.T @ columns), full_matrices=False)
+    return np.asarray(own[:, size**2 > DEPENDENT])
+
+
+def has_a_name(case: Case, term: int) -> bool:
+    """Whether a cause alone makes what a term makes: readings that show it show the cause."""
+    c, own = case.candidates, _directions(case, term)
+    if not own.shape[1]:
+        return True
+    made = c.gains(own).mean(axis=1)[np.isfinite(c.penalty)]
+    return bool(np.max(made, initial=0.0) > SAME**2)
+
+
+def is_a_sum(case: Case, term: int, best: Found) -> bool:
+    """Whether causes of a set together make all that a term makes, by no more than one coincidence.
+
+    Opposite backlashes of X and Y are a second harmonic of the approach azimuth where touches go
+    along the axes only: that two sizes are equal is nothing rare on one machine, that three are is.
+    A cubic is no sum of causes that are each larger than it and cancel.
+    """
+    if not best.blocks:
+        return False
+    own = _directions(case, term)
+    parts = _parts(case, best, own)
+    left = own - np.sum(parts, axis=0)
+    *sizes, rest = (float(np.einsum("ij,ij->j", x, x).max(initial=0.0)) for x in (*parts, left))
+    acting = [b for b, size in zip(best.blocks, sizes, strict=True) if size > SAME_SHARE]
+    columns = int(np.sum(case.candidates.rank[acting]))
+    same = rest < SAME_SHARE and max(sizes) < 1.0 + SAME_SHARE
+    return same and columns <= own.shape[1] + 1
+
+
+def promising(case: Case, fits: Sequence[Fit]) -> list[int]:
+    """Terms with the most evidence under each fit, two at most of a covariate and kind."""
+    picked: list[int] = []
+    for f in fits:
+        per: dict[tuple[str, str], int] = {}
+        for i in map(int, np.argsort(-_evidence(case, f), kind="stable")):
+            term = case.dictionary.terms[i]
+            key = (term.covariate, term.kind)
+            if per.get(key, 0) < 2 and i not in picked:
+                per[key] = per.get(key, 0) + 1
+                picked.append(i)
+            if sum(per.values()) >= MAX_TERMS:
+                break
+    return picked
+
+
+def best_terms(case: Case, fitted: Fit) -> list[tuple[Term, float]]:
+    """Terms that explain the unnamed part about as well, one a quantity, best first."""
+    d, value = case.dictionary, _evidence(case, fitted)
+    gain, _ = d.of_fit(fitted)
+    found: dict[str, tuple[Term, float]] = {}
+    for i in map(int, np.argsort(-value, kind="stable")):
+        if value[i] < value.max() - WITHIN or len(found) >= MAX_SENTENCES:
+            break
+        share = min(1.0, float(gain[i] / max(fitted.rss, TINY)))
+        found.setdefault(d.terms[i].covariate, (d.terms[i], share))
+    return list(found.values())
