@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -83,6 +84,27 @@ def test_the_biases_of_the_causes_add_up_to_what_changes() -> None:
     size = next(c for c in d.causes if c.id == "bow").parameters["h_um"]
     shift = np.linalg.lstsq(LINE, size * COLUMNS["bow"], rcond=None)[0]
     assert bow.bias["EX0C"] == pytest.approx(shift[0], rel=1e-6)
+
+
+def test_the_table_of_biases_begins_with_the_error_that_moves_the_tool_most() -> None:
+    """3 arcsec are 1.5 µm at 100 mm, less than 2 µm, however well the angle is known."""
+    y = readings(1)
+    d = tn.diagnose(line(y))
+    bias = {"EA0A": 3.0, "EX0C": 2.0}
+    cause = replace(d.contributions[0], bias=bias)
+    known = replace(
+        d,
+        contributions=(cause,),
+        errors_before=bias,
+        errors_after=dict.fromkeys(bias, 0.0),
+        errors_std={"EA0A": 0.1, "EX0C": 1.5},
+    )
+    table = next(t for t in known.tables() if t.title.startswith("Bias of the plain model"))
+    assert [row[1] for row in table.rows] == ["EX0C", "EA0A"]
+    assert "EX0C is biased by 2 µm" in known.summary()
+    larger = replace(cause, bias={"EA0A": 3.0, "EX0C": 1.4})
+    table = next(t for t in larger.tables() if t.title.startswith("Bias of the plain model"))
+    assert [row[1] for row in table.rows] == ["EA0A", "EX0C"]
 
 
 def test_people_read_labels() -> None:

@@ -21,8 +21,9 @@ import numpy as np
 
 from trunnion.base.report import Cell, Result, Shown, Table, left_text, number, significant
 from trunnion.base.statistics import MANY_ROWS, quick_factor
-from trunnion.base.units import Floats, Integers, unit_of
+from trunnion.base.units import ARCSEC, Floats, Integers, unit_of
 from trunnion.diagnosis.case import Case
+from trunnion.diagnosis.families import RADIUS_MM
 from trunnion.diagnosis.fit import Fit, beside
 from trunnion.diagnosis.records import labelled, units_of, with_unit
 from trunnion.diagnosis.whitening import correlated, identity
@@ -33,6 +34,9 @@ DEPENDENT = 1e-9  # share of the largest singular value, columns of unit length
 MIN_SHARE = 0.001  # of the variance, from which readings in another unit are shown
 MAX_BIASES = 3  # of a cause in a table
 ROUNDING = 1e-9  # µm, arcsec: data without noise have standard errors of 0
+NO_STD = 1.0  # µm, arcsec: of errors that have no standard error
+UM_PER_ARCSEC = RADIUS_MM * 1e3 * ARCSEC
+NO_UNITS: Mapping[str, str] = {}
 TINY = 1e-300
 
 
@@ -181,13 +185,29 @@ def contributions_table(contributions: Sequence[Contribution]) -> Table:
     return Table.of("What each cause explains, share of the variance", columns, rows)
 
 
+def largest_biases(
+    bias: Mapping[str, float], std: Mapping[str, float], units: Mapping[str, str] = NO_UNITS
+) -> list[str]:
+    """Names of the errors of the machine that are biased, the one that moves the tool most first.
+
+    By more than their standard uncertainty (``std``); angles at a radius of `RADIUS_MM`. ``units``:
+    of names that do not tell it.
+    """
+
+    def moves(name: str) -> float:
+        unit = units.get(name) or unit_of(name)
+        return abs(bias[name]) * (UM_PER_ARCSEC if unit == "arcsec" else 1.0)
+
+    certain = [k for k, v in bias.items() if abs(v) >= max(std.get(k, NO_STD), ROUNDING)]
+    return sorted(certain, key=moves, reverse=True)
+
+
 def bias_table(contributions: Sequence[Contribution], std: Mapping[str, float]) -> Table:
-    """Return the biases above a standard error (``std``, by name), largest first, by cause."""
+    """Return the biases by each cause above a standard error (``std``): see `largest_biases`."""
     rows: list[tuple[Cell, ...]] = []
     toleranced = any(one.bias_in_tolerances for one in contributions)
     for cause in contributions:
-        size = {k: abs(v) / max(std.get(k, np.inf), ROUNDING) for k, v in cause.bias.items()}
-        for name in sorted((k for k in size if size[k] > 1), key=lambda k: -size[k])[:MAX_BIASES]:
+        for name in largest_biases(cause.bias, std)[:MAX_BIASES]:
             called = cause.label or labelled(cause.id, "")
             row = (called, name, significant(cause.bias[name], 2), unit_of(name))
             ratio = cause.bias_in_tolerances.get(name)

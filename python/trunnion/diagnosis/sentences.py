@@ -8,7 +8,7 @@ import numpy as np
 
 from trunnion.base.report import uncertainty
 from trunnion.base.units import unit_of
-from trunnion.diagnosis.families import RADIUS_MM
+from trunnion.diagnosis.contributions import largest_biases
 from trunnion.diagnosis.records import Cause, chance, labelled, percent, with_unit
 from trunnion.files.origin import places
 
@@ -130,20 +130,13 @@ def _widened(d: Diagnosis) -> list[str]:
 
 
 def _bias(d: Diagnosis) -> list[str]:
-    """Name the machine error whose bias by the causes moves the tool most.
-
-    Of those that moved by more than their uncertainty; angles at a radius of `RADIUS_MM`.
-    """
+    """Name the machine error whose bias by the causes moves the tool most."""
     moved = {k: v - d.errors_after.get(k, v) for k, v in d.errors_before.items()}
-    certain = [k for k, m in moved.items() if abs(m) >= max(d.errors_std.get(k, 1.0), ROUNDING)]
-    if not certain:
-        return []
     count = len(d.causes) + (d.structure is not None)
-    lever = {"arcsec": np.radians(RADIUS_MM / 3.6)}  # µm per arcsec
-    name = max(certain, key=lambda k: abs(moved[k]) * lever.get(unit_in(d, k), 1.0))
     return [
         f"Without {'it' if count == 1 else 'them'}, {name} is biased by "
         f"{with_unit(f'{abs(moved[name]):.2g}', unit_in(d, name))}."
+        for name in largest_biases(moved, d.errors_std, d.units)[:1]
     ]
 
 
