@@ -13,7 +13,7 @@ from trunnion.base.errors import TrunnionError
 from trunnion.data.distinct import distinct_rows
 from trunnion.data.touches import Touches
 from trunnion.probing.mistakes import likely_mistakes, mistakes_named
-from trunnion.probing.model import with_recognised_step
+from trunnion.probing.model import TouchModel, with_recognised_step
 from trunnion.probing.result import IdentificationResult
 from trunnion.setup import Setup
 
@@ -53,4 +53,6 @@ def _with_notes(data: Touches, setup: Setup, solve: Callable[[Touches, Setup], R
             known, said = recognised
             result = solve(data, known)
             result = replace(result, notes=(*result.notes, said))
-    return replace(result, notes=(*likely_mistakes(result, data, setup), *result.notes))
+    model = TouchModel(setup)
+    mistakes = likely_mistakes(result, data, model, model.moves(data))
+    return replace(result, notes=(*mistakes, *result.notes))

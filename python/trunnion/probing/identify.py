@@ -116,10 +116,10 @@ def mistakes_in(model: TouchModel, data: Touches, moves: Moves) -> tuple[str, ..
 
     model: Of the set-up, without effects. moves: The touches, as the core knows them.
     """
-    setup = model.setup
-    how = Loss(None, known_sigma_um(setup, data), _priors(model.names, {}))
+    how = Loss(None, known_sigma_um(model.setup, data), _priors(model.names, {}))
     found = _by_the_core(model, moves, how, MAX_STEPS)
-    return likely_mistakes(_result(model, data, (), found, None, None), data, setup)
+    result = _result(model, data, (), found, None, None)
+    return likely_mistakes(result, data, model, moves)
 
 
 def _identified(

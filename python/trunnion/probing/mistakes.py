@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from trunnion._core import Moves
 from trunnion.base.errors import DataError, TrunnionError
 from trunnion.base.units import Floats, unit_of
 from trunnion.data.meant import some_rows
@@ -26,7 +27,7 @@ from trunnion.probing.model import (
     rounding_um,
 )
 from trunnion.probing.result import NO_PROBE_UM, IdentificationResult
-from trunnion.probing.tick_mistakes import MAX_STEPS, tick_mistakes
+from trunnion.probing.tick_mistakes import tick_mistakes
 from trunnion.setup import Artefact, AxisSetup, Machine, Probe, Setup
 from trunnion.setup.machines import presets
 
@@ -53,6 +54,7 @@ MAX_LONGER_MM = 500.0
 """How far from the surface the contact of such an approach is looked for."""
 
 MIN_FREEDOM = 5
+MAX_STEPS = 50
 
 TOOL_ENDS = {"to the tip of the ball": -1.0, "beyond the centre of the ball": 1.0}
 """Where else a tool's length may end; how much higher a touch is recorded then, in radii."""
@@ -83,13 +85,18 @@ class Guess:
     unit_mm: float = 1.0
 
 
-def likely_mistakes(result: IdentificationResult, data: Touches, setup: Setup) -> tuple[str, ...]:
-    """Name what is likely wrong with a measurement that gives this result."""
-    said = []
+def likely_mistakes(
+    result: IdentificationResult, data: Touches, model: TouchModel, moves: Moves
+) -> tuple[str, ...]:
+    """Name what is likely wrong with a measurement that gives this result.
+
+    model: Of the set-up, without effects. moves: The touches, as it knows them.
+    """
+    setup, said = model.setup, []
     if result.rms_um > NO_PROBE_UM:
-        data = some_rows(data)
-        before = min(_scatter_um(data, setup), result.rms_um)
-        if before > NO_PROBE_UM and (cause := _cause(data, setup, before)):
+        some = some_rows(data)
+        before = min(_scatter_um(some, setup), result.rms_um)
+        if before > NO_PROBE_UM and (cause := _cause(some, setup, before)):
             said.append(f"Residuals of {before:.4g} µm have a likely cause: {cause}")
     # Where the placement is not estimated, it is in the errors.
     if result.placement is not None and not said:
@@ -101,7 +108,8 @@ def likely_mistakes(result: IdentificationResult, data: Touches, setup: Setup) -
         )
     if doubt := in_other_units(setup.machine.errors):
         said.append(f"[machine.errors] has {doubt}")
-    said += tick_mistakes(data, setup)
+    near = model.values(result.errors, result.placement)
+    said += tick_mistakes(data, model, moves, near)
     return tuple(said)
 
 

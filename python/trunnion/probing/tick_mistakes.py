@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trunnion._core import Moves
 from trunnion.base.errors import TrunnionError
 from trunnion.base.recognition import on_grid, recognised
+from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
 from trunnion.machine.sizes import SURE_SIGMAS
@@ -19,7 +21,6 @@ from trunnion.probing.model import (
     steps_um,
     ticks_um,
 )
-from trunnion.setup import Setup
 
 FAR_LESS = 0.25
 """Of the errors of rounding: what readings recorded in a step scatter by at least."""
@@ -31,31 +32,33 @@ SAME_SIZE = 0.25
 MAX_KURTOSIS = 2.3
 """Of errors of rounding, 1.8, and of noise, 3: what is between."""
 
-MAX_STEPS = 50
 
+def tick_mistakes(data: Touches, plain: TouchModel, moves: Moves, near: Floats) -> list[str]:
+    """Name a tick that the touches show and nobody stated, or that is stated and not there.
 
-def tick_mistakes(data: Touches, setup: Setup) -> list[str]:
-    """Name a tick that the touches show and nobody stated, or that is stated and not there."""
-    if np.any(steps_um(setup, data)):
-        return _finer_than_stated(data, setup)
+    plain: The model without effects. moves: The touches, as it knows them. near: Values of its
+    parameters that fit them to first order, (p,).
+    """
+    if np.any(steps_um(plain.setup, data)):
+        return _finer_than_stated(data, plain, moves, near)
     if period := servo_period_ms(data):
         return [
             f"The steps of the touches are as their feeds: the control looks at the probe every "
             f"{period:.3g} ms, and touches are {period / 2:.3g} ms late on average, which looks "
             f"like a delay of the trigger: state probe.servo_period_ms = {period:.3g}."
         ]
-    return _late_by_half_a_tick(data, setup)
+    return _late_by_half_a_tick(data, plain, moves, near)
 
 
-def _finer_than_stated(data: Touches, setup: Setup) -> list[str]:
+def _finer_than_stated(data: Touches, plain: TouchModel, moves: Moves, near: Floats) -> list[str]:
     """Say where readings scatter far less than the stated tick allows, and lie on no grid of it."""
+    setup = plain.setup
     steps, rounding = steps_um(setup, data), rounding_um(setup, data)
-    fit = _late(data, setup)
+    fit = _late(data, plain, moves, near)
     seen = np.inf if fit is None else float(np.sqrt(np.mean(fit.residuals_um**2)))
     if seen > FAR_LESS * rounding:
         return []
-    model = TouchModel(setup)
-    off = np.asarray(model.core.residuals(model.moves(data), model.values()))
+    off = np.asarray(plain.core.residuals(moves, plain.values()))
     if float(np.std(off)) < float(np.max(steps)):  # all may round alike
         return []
     coordinates = (1e3 * data.position_mm).T
@@ -74,9 +77,9 @@ def _finer_than_stated(data: Touches, setup: Setup) -> list[str]:
     ]
 
 
-def _late_by_half_a_tick(data: Touches, setup: Setup) -> list[str]:
+def _late_by_half_a_tick(data: Touches, plain: TouchModel, moves: Moves, near: Floats) -> list[str]:
     """Say where touches are late by half of a tick whose errors of rounding the residuals are."""
-    fit = _late(data, setup)
+    fit = _late(data, plain, moves, near)
     if fit is None or fit.late < SURE_SIGMAS * fit.std:
         return []
     feed, late, several = data.feed_mm_min, fit.late, fit.is_delay
@@ -114,26 +117,25 @@ class _Late:
     residuals_um: Floats
 
 
-def _late(data: Touches, setup: Setup) -> _Late | None:
+def _late(data: Touches, plain: TouchModel, moves: Moves, near: Floats) -> _Late | None:
     """Fit by how much touches are late, weighed as ticks; None: too few touches, or off."""
     feed = data.feed_mm_min
     is_delay = feed is not None and len(np.unique(feed)) > 1
     size = np.asarray(feed) / 60 if is_delay else np.ones(len(data))
+    effect = "trigger_delay" if is_delay else "probe_radius"
     try:
-        model = TouchModel(setup, ("trigger_delay" if is_delay else "probe_radius",))
-        moves = model.moves(data)
-        plain = model.core.fit(
-            moves, model.values(), huber=None, sigma_um=0.0, priors=[], max_steps=MAX_STEPS
-        )
-        _, jacobian = model.core.linearise(moves, plain["values"])
+        model = TouchModel(plain.setup, (effect,), chain=plain.chain)
+        off, jacobian = model.core.linearise(moves, np.append(near, 0.0))
     except TrunnionError:
         return None
-    freedom, std = plain["degrees_of_freedom"], float(plain["std_errors"][-1])
-    if freedom < MIN_ROUNDED or not np.isfinite(std):
+    # What one more cause changes is linear: the touches are fitted without it.
+    alike = linear_fit(jacobian, off)
+    freedom = len(data) - alike.rank
+    if freedom < MIN_ROUNDED or alike.not_identifiable[-1]:
         return None
-    white, columns = np.asarray(plain["residuals_um"]) / size, np.asarray(jacobian) / size[:, None]
-    scale = np.maximum(np.abs(columns).max(axis=0), 1e-300)
-    more = np.linalg.lstsq(columns / scale, white, rcond=1e-9)[0]
-    left = (white - columns / scale @ more) * size * np.sqrt(len(data) / freedom)
-    value = float(plain["values"][-1]) + float(more[-1] / scale[-1])
+    rest = off - jacobian @ alike.solution
+    std = float(alike.std[-1] * np.sqrt(rest @ rest / freedom))
+    weighed = linear_fit(jacobian / size[:, None], off / size) if is_delay else alike
+    left = (off - jacobian @ weighed.solution) * np.sqrt(len(data) / freedom)
+    value = float(weighed.solution[-1])
     return _Late(value if is_delay else -value, std, is_delay, left)
