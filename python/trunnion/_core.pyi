@@ -226,6 +226,9 @@ class Moves:
         time_s: _Floats | None = None,
         sense: _Floats | None = None,
     ) -> Moves: ...
+    def turned(self, axis: int, by_deg: float) -> Moves:
+        """The same rows with one rotary axis further by an angle, in the machine's sense."""
+
     def __len__(self) -> int: ...
 
 class _Fit(TypedDict):

@@ -351,7 +351,7 @@ class Case:
         """Whether a fit leaves nothing that is evidence: there is nothing to explain then."""
         return rms(f.residuals[self.rows]) < self.least_rms
 
-    @property
+    @cached_property
     def least_rms(self) -> float:
         """Rms of what rounding leaves of exact readings, or of the least noise."""
         readings = self.model.readings

@@ -268,20 +268,24 @@ def _orthonormal_blocks(
     ``variants``: columns one a row, (v, k, n). Puts the columns, one a row, in precision ``kind``
     on the shelf. Returns the rank of each block and where it starts.
     """
-    grams = [v @ v.transpose(0, 2, 1) for v in variants]
-    least = ROUNDING**2 * max(float(g.max(initial=0.0)) for g in grams)
-    width = np.array([v.shape[1] for v in variants for _ in v], dtype=np.intp)
+    width = np.repeat([v.shape[1] for v in variants], [len(v) for v in variants])
     rank = np.zeros(len(width), dtype=np.intp)
     start = np.zeros(len(width), dtype=np.intp)
     before = shelf.filled
-    for k in np.unique(width):
-        same = [i for i, v in enumerate(variants) if v.shape[1] == k]
-        x, gram = [variants[i] for i in same], _joined([grams[i] for i in same])
+    few = len(basis) < MANY_ROWS
+    same: dict[int, list[Floats]] = {}
+    for v in variants:
+        same.setdefault(v.shape[1], []).append(v)
+    if few:
+        same = {k: [_joined(x)] for k, x in same.items()}
+    grams = {k: _joined([v @ v.transpose(0, 2, 1) for v in x]) for k, x in same.items()}
+    least = ROUNDING**2 * max(float(g.max(initial=0.0)) for g in grams.values())
+    for k in sorted(same):
         filled = shelf.filled - before
-        if len(basis) < MANY_ROWS:
-            some = _orthonormal(_joined(x), gram, least, basis, kind, shelf)
+        if few:
+            some = _orthonormal(same[k][0], grams[k], least, basis, kind, shelf)
         else:
-            some = _orthonormal_of_many(x, gram, least, basis, kind, shelf)
+            some = _orthonormal_of_many(same[k], grams[k], least, basis, kind, shelf)
         rank[width == k] = some
         start[width == k] = filled + np.concatenate([[0], np.cumsum(some)[:-1]])
     return rank, start

@@ -104,8 +104,15 @@ class TouchDiagnosisModel(Model):
         self._moves = self._full.moves(data)
         self._plain = self._full.names.index("rc_arcsec") + 1
         self._unknown = np.flatnonzero(self._full.unknown[: self._plain])
-        self._columns = {
-            i.id: [self._full.names.index(f"{i.id}.{p.name}") for p in i.parameters] for i in infos
+        place = {name: n for n, name in enumerate(self._full.names)}
+        self._columns = {i.id: [place[f"{i.id}.{p.name}"] for p in i.parameters] for i in infos}
+        kinds = self._full.kinds
+        self._linear = {
+            k: [c for c in own if kinds[c] == "linear"] for k, own in self._columns.items()
+        }
+        self._kind = {
+            k: next((kinds[c] for c in own if kinds[c] != "linear"), "linear")
+            for k, own in self._columns.items()
         }
         self.nuisance = tuple(
             Nuisance(
@@ -186,7 +193,7 @@ class TouchDiagnosisModel(Model):
         """Exact derivative by an effect's parameters."""
         if effect.id not in self._columns:
             return effect.columns(values)
-        if "duration" in self._kinds(effect.id):
+        if self._kind[effect.id] == "duration":
             every = range(len(effect.parameters))
             return np.asarray(self._with_durations(nuisance, effect, [values], every)[0].T)
         columns = self._all_columns(nuisance)[self._columns[effect.id]]
@@ -197,7 +204,7 @@ class TouchDiagnosisModel(Model):
     ) -> list[Floats]:
         """Exact derivatives of a fit; unless those of the catalogue are known, of it alone."""
         named = {e.id for e in effects}
-        ids = tuple(i for i in self._ids if i in named and "duration" not in self._kinds(i))
+        ids = tuple(i for i in self._ids if i in named and self._kind[i] != "duration")
         if not ids or nuisance.tobytes() in self._at:
             return super().derivatives(nuisance, effects, values)
         model = self._model(ids)
@@ -215,25 +222,19 @@ class TouchDiagnosisModel(Model):
         self, nuisance: Floats, effect: Effect, values: Sequence[Mapping[str, float]]
     ) -> Floats:
         """Exact derivative by an effect's linear parameters, a column a row, (v, k, n)."""
-        own, kinds = self._columns.get(effect.id, []), self._kinds(effect.id)
-        if not own:
+        if effect.id not in self._columns:
             return super().linear_columns(nuisance, effect, values)
-        if "duration" in kinds:
+        if self._kind[effect.id] == "duration":
             each = [i for i, p in enumerate(effect.parameters) if p.linear]
             return self._with_durations(nuisance, effect, values, each)
-        linear = [c for c, p in zip(own, effect.parameters, strict=True) if p.linear]
-        columns = self._all_columns(nuisance)[linear]
-        if "moment" in kinds:
+        columns = self._all_columns(nuisance)[self._linear[effect.id]]
+        if self._kind[effect.id] == "moment":
             return columns * self._after(effect, values)
-        return np.repeat(columns[None], len(values), axis=0)
-
-    def _kinds(self, name: str) -> list[str]:
-        """Kinds of the parameters of a built-in effect."""
-        return [self._full.kinds[c] for c in self._columns.get(name, [])]
+        return columns[None] if len(values) == 1 else np.repeat(columns[None], len(values), axis=0)
 
     def _in_force(self, effect: Effect, columns: Floats, values: Mapping[str, float]) -> Floats:
         """Columns (k, n) of an effect from its moment on, where it has one."""
-        if "moment" not in self._kinds(effect.id):
+        if self._kind[effect.id] != "moment":
             return columns
         return np.asarray(columns * self._after(effect, [values])[0])
 
@@ -277,7 +278,7 @@ class TouchDiagnosisModel(Model):
             if kind == "duration":
                 values[n] = 1.0
             elif kind == "moment":
-                values[n] = float(np.min(np.asarray(self.data.time_s))) - 1.0
+                values[n] = float(self._times[0]) - 1.0
         return np.asarray(self._rates(model, [values], columns)[0])
 
     def _with_durations(
@@ -316,11 +317,16 @@ class TouchDiagnosisModel(Model):
             stated=self._stated.get(info.id),
         )
 
+    @cached_property
+    def _times(self) -> Floats:
+        """Distinct times of the touches, s."""
+        return np.unique(np.asarray(self.data.time_s))
+
     def _parameter(self, name: str, unit: str, kind: str) -> Parameter:
         unit = UNITS.get(unit, unit)
         if kind == "linear":
             return Parameter(name, unit)
-        times = np.unique(np.asarray(self.data.time_s))
+        times = self._times
         length = max(float(times[-1] - times[0]), 1.0)
         if kind == "moment":
             between = (times[1:] + times[:-1]) / 2
@@ -337,7 +343,7 @@ class TouchDiagnosisModel(Model):
     def inputs(self, nuisance: Floats, effects: EffectValues) -> tuple[Input, ...]:
         """Calibration of probe and artefact, temperature, steps of the rotary axes."""
         ids, values = self._vector(nuisance, effects)
-        return inputs_of(self._model(ids), self.data, values)
+        return inputs_of(self._model(ids), self.data, self._moves, values)
 
     # --- what the engine looks for structure in
 
@@ -359,7 +365,7 @@ class TouchDiagnosisModel(Model):
     @property
     def turning(self) -> Mapping[str, Floats]:
         """As each rotary axis stands further, from the model of the machine."""
-        return turning(self._model(()), self.data, self._whole(self.start))
+        return turning(self._model(()), self._moves, self._whole(self.start))
 
     @cached_property
     def groups(self) -> Integers:

@@ -118,7 +118,7 @@ def mistakes_in(model: TouchModel, data: Touches, moves: Moves) -> tuple[str, ..
     """
     how = Loss(None, known_sigma_um(model.setup, data), _priors(model.names, {}))
     found = _by_the_core(model, moves, how, MAX_STEPS)
-    result = _result(model, data, (), found, None, None)
+    result = _result(model, data, (), found, None)
     return likely_mistakes(result, data, model, moves)
 
 
@@ -161,7 +161,14 @@ def _identified(
         found, scatter = _beside_scatter(problem, jacobian, plain, found)
         said = (*said, *scatter)
     sources = _sources(problem, jacobian, plain, found, known, is_known=how.sigma_um > 0)
-    result = replace(_result(model, data, own, found, knee, errors), sources=sources)
+    lack = lack_of_fit(
+        found.residuals_um if errors is None else errors(found.residuals_um),
+        repeats_of(data),
+        len(found.values) - len(found.combinations),
+        rounding_um(setup, data),
+    )
+    result = _result(model, data, own, found, knee)
+    result = replace(result, sources=sources, lack_of_fit=lack)
     return replace(result, notes=(*said, *_of_the_certificate(result, stated, how, priors)))
 
 
@@ -237,7 +244,7 @@ def _sources(
     rounding = rounding_um(model.setup, data)
     rest = found.covariance - _covariance(known, len(found.values))
     readings = of_readings(rest, found.sigma_um, "µm", rounding, freedom)
-    stated = inputs_of(model, data, found.values[: len(model.names)])
+    stated = inputs_of(model, data, problem.moves, found.values[: len(model.names)])
     gain = cofactor @ weighted.T
     return (*readings, *known, *(one.source(gain @ one.columns) for one in stated))
 
@@ -280,7 +287,6 @@ def _result(
     own: Sequence[UserEffect],
     found: Found,
     knee: float | None,
-    errors: Repeats | None,
 ) -> IdentificationResult:
     """Estimates by name."""
     names = own_names(model, own)
@@ -316,12 +322,6 @@ def _result(
         at_bound=_at_end_of_search(model, data, values[:built_in]),
         weights=found.weights,
         tolerances=dict(model.setup.machine.tolerance),
-        lack_of_fit=lack_of_fit(
-            found.residuals_um if errors is None else errors(found.residuals_um),
-            repeats_of(data),
-            len(values) - len(found.combinations),
-            rounding_um(model.setup, data),
-        ),
     )
 
 

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from trunnion._core import Moves
 from trunnion.base.units import Floats, unit_of
 from trunnion.data.touches import Touches
 from trunnion.machine.budget import Input
@@ -52,48 +53,51 @@ def certificate(model: TouchModel) -> dict[str, Stated]:
     return {name: stated[id_] for name, id_ in ids.items() if id_ in stated}
 
 
-def inputs_of(model: TouchModel, data: Touches, values: Floats) -> tuple[Input, ...]:
+def inputs_of(model: TouchModel, data: Touches, moves: Moves, values: Floats) -> tuple[Input, ...]:
     """List what the set-up states an uncertainty of, with its influence on touches.
 
     ``model``, ``values``: touches with the effects that are fitted, and their parameters (p,);
-    what is fitted is no input.
+    what is fitted is no input. ``moves``: The touches, as the model knows them.
     """
     stated = stated_of(model.setup)
     others = {k: one for k, one in stated.items() if k not in model.effect_ids}
-    return (*_known_to(model.setup, data, others), *_rotary_steps(model, data, values))
+    return (*_known_to(model, moves, others), *_rotary_steps(model, data, moves, values))
 
 
-def _known_to(setup: Setup, data: Touches, stated: Mapping[str, Stated]) -> Iterator[Input]:
+def _known_to(fitted: TouchModel, moves: Moves, stated: Mapping[str, Stated]) -> Iterator[Input]:
     """Effects that are known to be nothing within a standard uncertainty: id → name, std."""
     if not stated:
         return
-    model = TouchModel(setup, list(stated))
-    columns = model.core.linearise(model.moves(data), model.values())[1]
+    model = TouchModel(fitted.setup, list(stated), chain=fitted.chain)
+    columns = model.core.linearise(moves, model.values())[1]
     for at, name in enumerate(model.names):
         if (id_ := name.split(".", maxsplit=1)[0]) in stated:
             yield Input(*stated[id_], unit_of(name), columns[:, [at]])
 
 
-def turning(model: TouchModel, data: Touches, values: Floats) -> dict[str, Floats]:
+def turning(model: TouchModel, moves: Moves, values: Floats) -> dict[str, Floats]:
     """Change of each reading, (n,), as a rotary axis stands further by 1 arcsec, by its letter."""
     out = {}
-    for letter, positions in data.rotary_deg.items():
+    for letter in sorted(model.chain.letters):
+        axis, sense = model.chain.letters.index(letter), model.chain.sense_of(letter)
         ahead, behind = (
-            model.core.residuals(
-                model.moves(data, turned={letter: positions + sign * STEP_ARCSEC / 3600.0}), values
-            )
-            for sign in (1.0, -1.0)
+            model.core.residuals(moves.turned(axis, sense * step / 3600.0), values)
+            for step in (STEP_ARCSEC, -STEP_ARCSEC)
         )
-        out[letter] = np.asarray(behind - ahead) / (2 * STEP_ARCSEC)
+        out[letter.lower()] = np.asarray(behind - ahead) / (2 * STEP_ARCSEC)
     return out
 
 
-def _rotary_steps(model: TouchModel, data: Touches, values: Floats) -> Iterator[Input]:
+def _rotary_steps(
+    model: TouchModel, data: Touches, moves: Moves, values: Floats
+) -> Iterator[Input]:
     """Rounding of the commands to each rotary axis, in each of its positions."""
     step = model.setup.resolution.rotary_arcsec
+    if step <= 0:
+        return
     stops = stops_of(data)
     at_stop = stops[:, None] == np.arange(stops.max(initial=0) + 1)
-    for letter, change in turning(model, data, values).items() if step > 0 else ():
+    for letter, change in turning(model, moves, values).items():
         columns = np.where(at_stop, change[:, None], 0.0)
         name = f"steps of the {letter.upper()} axis"
         yield Input(name, step / np.sqrt(12), "arcsec", columns, "rectangular")

@@ -187,9 +187,7 @@ class TouchModel:
             servo_period_ms=setup.probe.servo_period_ms if tick_um is None else 0.0,
             effect_ids=list(self.effect_ids),
         )
-        self.names = tuple(name for name, _, _ in self.core.parameters)
-        self.units = tuple(unit for _, unit, _ in self.core.parameters)
-        self.kinds = tuple(kind for _, _, kind in self.core.parameters)
+        self.names, self.units, self.kinds = zip(*self.core.parameters, strict=True)
         self.error_names = self.names[: self.core.error_count]
         self.unknown = np.array(self.core.unknown)
 
@@ -208,19 +206,15 @@ class TouchModel:
         touches: Touches,
         *,
         from_start: bool = False,
-        turned: Mapping[str, Floats] | None = None,
     ) -> _core.Moves:
-        """Rows of the touches in the core's units; points are recorded positions or starts.
-
-        turned: Other positions of some rotary axes by letter, degrees, (n,).
-        """
+        """Rows of the touches in the core's units; points are recorded positions or starts."""
         instance("touches", touches, Touches, "Touches, as read_touches or plan gives them")
         self._check_needs(touches)
         point = touches.start_mm if from_start else touches.position_mm
         if point is None:
             raise DataError("columns start_x_mm, start_y_mm, start_z_mm: got none, expected a plan")
         return _core.Moves(
-            self.chain.to_machine({**touches.rotary_deg, **(turned or {})}, len(touches)),
+            self.chain.to_machine(touches.rotary_deg, len(touches)),
             point,
             touches.direction,
             touches.feed_mm_min,

@@ -35,6 +35,14 @@ impl MoveTable {
         Ok(table)
     }
 
+    /// The same rows with one rotary axis further by an angle, rad.
+    #[must_use]
+    pub fn turned(&self, axis: usize, by: f64) -> Self {
+        let mut table = self.clone();
+        table.rotary.iter_mut().skip(axis).step_by(self.axes.max(1)).for_each(|at| *at += by);
+        table
+    }
+
     /// Rotary positions in a row.
     #[must_use]
     pub const fn axes(&self) -> usize {

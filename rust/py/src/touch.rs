@@ -91,6 +91,15 @@ impl Moves {
         Ok(Self { inner: inner.into_py()? })
     }
 
+    /// The same rows with one rotary axis further by an angle, in the machine's sense.
+    fn turned(&self, axis: usize, #[pyo3(from_py_with = finite)] by_deg: f64) -> PyResult<Self> {
+        let axes = self.inner.axes();
+        if axis >= axes {
+            return Err(Error::input("axis", axis, format!("below {axes}"))).into_py();
+        }
+        Ok(Self { inner: self.inner.turned(axis, by_deg * DEG) })
+    }
+
     fn __len__(&self) -> usize {
         self.inner.view().len()
     }
