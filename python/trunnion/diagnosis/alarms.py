@@ -76,7 +76,7 @@ class Alarm:
         """Smallest p-value, times its places, of each column of gains (b, s)."""
         gain = gain / self.inflation[:, None]
         out = np.ones(gain.shape[1])
-        kinds = {(int(k), float(w)) for k, w in zip(self.rank, self.weight, strict=True)}
+        kinds = set(zip(self.rank.tolist(), self.weight.tolist(), strict=True))
         for k, w in sorted(kinds):
             if k < 1 or k >= self.fit.dof:
                 continue

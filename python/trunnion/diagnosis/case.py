@@ -135,17 +135,16 @@ class Case:
                 sizes[j] = effect.stated.std * float(np.linalg.norm(free))
         return sizes
 
-    def size(self, effect: Effect, f: Fit, variance: float) -> tuple[Floats, float, int]:
-        """Standard errors of an effect's parameters; Wald's statistic of the linear ones, its rank.
-
-        ``variance``: of a whitened reading, by which the statistic is to be divided.
-        """
+    def std(self, effect: Effect, f: Fit, variance: float) -> Floats:
+        """Standard errors of an effect's parameters; ``variance``: of a whitened reading."""
         std = f.std()[self.columns_of(effect, f)] * np.sqrt(variance)
-        wald, rank = self._wald(effect, f, held=False)
-        return np.where(std >= 0, std, np.inf), wald, rank
+        return np.where(std >= 0, std, np.inf)
 
-    def chance(self, effect: Effect, f: Fit, variance: float) -> float:
+    def chance(self, effect: Effect, f: Fit, variance: float) -> tuple[float, float]:
         """Probability of readings like these without an effect of a fit, not counting candidates.
+
+        And Wald's statistic of its linear parameters, not divided by the ``variance`` of a whitened
+        reading.
 
         Where its size cannot be separated from its place (share and frequency of a resonance far
         above what the motion excites) it may be there without doubt all the same: at the place
@@ -156,11 +155,12 @@ class Case:
         def of(wald: float, k: int) -> float:
             return float(special.fdtrc(k, dof, wald / k / variance))
 
-        sought = of(*self._wald(effect, f, held=False))
+        wald, rank = self._wald(effect, f, held=False)
+        sought = of(wald, rank)
         if effect.linear:
-            return sought
+            return sought, wald
         held = of(*self._wald(effect, f, held=True))
-        return held if held < CERTAIN_P else sought
+        return held if held < CERTAIN_P else sought, wald
 
     def columns_of(self, effect: Effect, f: Fit) -> list[int]:
         """Return the columns of an effect's parameters among those of a fit."""

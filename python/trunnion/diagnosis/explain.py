@@ -238,13 +238,12 @@ def _undetermined(case: Case, f: Fit, searched: Search) -> set[int]:
     out = set()
     for j, effect in enumerate(case.effects):
         if effect.id in f.effects:
-            std, wald, _ = case.size(effect, f, variance)
             nonlinear = [not p.linear for p in effect.parameters]
             # The moment of a shift has no standard error either.
-            if case.dependent and np.any(np.isinf(std[nonlinear])):
+            if case.dependent and np.any(np.isinf(case.std(effect, f, variance)[nonlinear])):
                 out.add(j)
                 continue
-            chance = case.chance(effect, f, variance)
+            chance, wald = case.chance(effect, f, variance)
             places = case.candidates.places[case.candidates.owner == j]
             count = case.candidates.multiplicity * float(places.max(initial=1.0))
             if (

@@ -447,9 +447,8 @@ def _causes(
         if effect.id not in f.effects:
             continue
         numbers = f.effects[effect.id]
-        wald = case.size(effect, f, variance)[1]
-        std = case.size(effect, wide, 1.0)[0]
-        chance = case.chance(effect, f, variance)
+        std = case.std(effect, wide, 1.0)
+        chance, wald = case.chance(effect, f, variance)
         owned = np.flatnonzero(e.candidates.owner == j)
         places = float(e.candidates.places[owned[0]]) if len(owned) else 1.0
         aliases = {

@@ -179,7 +179,8 @@ class Dictionary:
     def chance(self, f: Fit) -> Floats:
         """Drop of -2 ln L that each term reaches by chance beside a fit, shape (t,)."""
         rank = np.maximum(self.of_fit(f)[1], 1)
-        return np.asarray(special.chdtri(rank, self.level), dtype=np.float64)
+        of_rank = special.chdtri(np.arange(1, rank.max(initial=1) + 1), self.level)
+        return np.asarray(of_rank[rank - 1], dtype=np.float64)
 
     def of_fit(self, f: Fit) -> tuple[Floats, Integers]:
         """Gains and ranks of all terms for the residuals of a fit (kept), shapes (t,)."""

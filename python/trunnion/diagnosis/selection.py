@@ -143,7 +143,8 @@ class Search:
         self.core = self._core(np.arange(len(c.owner)), c.start, c.width)
         self.empty = _State(0, (), self.core.empty(self.residual, rss))
         self._path = [self.empty]  # of the last set that was built, block by block
-        self.bits: list[int] = [1 << j for j in c.owner.tolist()]
+        self.owner: list[int] = c.owner.tolist()
+        self.bits = [1 << j for j in self.owner]
         self.nothing = Found(frozenset(), float(self.score(rss, 0, 0.0)), rss, 0, ())
         self.known = {0: self.nothing}
         self.scores = {0: self.nothing.score}
@@ -377,5 +378,5 @@ class Search:
         """Note a set unless it is known with as good a score."""
         old = self.known.get(mask)
         if old is None or score < old.score - SAME_SCORE:
-            members = frozenset(int(self.c.owner[b]) for b in blocks)
+            members = frozenset(self.owner[b] for b in blocks)
             self.known[mask] = Found(members, score, rss, columns, blocks)

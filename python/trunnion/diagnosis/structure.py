@@ -187,7 +187,7 @@ def structure_of(
     """Return the record of structure in a fit; ``wide``: with standard errors."""
     if source is None:
         return None
-    std = case.size(case.model.effect(source.id), wide, 1.0)[0]
+    std = case.std(case.model.effect(source.id), wide, 1.0)
     numbers = f.effects[source.id]
     return Structure(
         source,
