@@ -13,6 +13,9 @@ from power.study import ground
 from promise import kept, needed_runs
 from result_examples import diagnosis_of, with_outliers
 from trunnion.machine.budget import MODEL, READINGS, Source, measurand
+from trunnion.probing.inputs import turning
+from trunnion.probing.model import TouchModel
+from trunnion.setup import AxisSetup
 from twin.forward import Setup as TwinSetup
 from twin.forward import Truth
 from twin.generator import Plan, measure, random_errors, random_placement
@@ -169,3 +172,23 @@ def test_the_model_of_every_kind_of_data_has_a_budget_of_its_effects() -> None:
     assert {one.name for one in budget.measurands} == {
         f"{c.id}.{p}" for c in d.causes for p in c.parameters
     }
+
+
+def test_readings_change_as_touches_of_turned_axes_do() -> None:
+    """The core turns the axes; here the touches are turned, C counted backwards."""
+    setup = tn.Setup(tn.Artefact("cross"), axes={"C": AxisSetup(sense=-1)})
+    data = tn.simulate(tn.plan(setup), setup, {"EX0C": 15.0}, noise_um=0.3, seed=1)
+    model = TouchModel(setup)
+    found = turning(model, model.moves(data), model.values({"EX0C": 15.0}))
+    assert list(found) == ["a", "c"]
+    for letter, change in found.items():
+        angle = f"{letter}_deg"
+        ahead, behind = (
+            model.core.residuals(
+                model.moves(data.with_columns(**{angle: data[angle] + step / 3600.0})),
+                model.values({"EX0C": 15.0}),
+            )
+            for step in (20.0, -20.0)
+        )
+        np.testing.assert_allclose(change, (behind - ahead) / 40.0, atol=1e-6)
+        assert np.abs(change).max() > 0.05, letter

@@ -107,7 +107,7 @@ def unstated(
     # Numbers are whole steps from 0, too: seen where all differ by what a plan has between places.
     off = cache(off)
     every = ((v, one) for one in recorded for v in (one, np.append(one, 0.0)))
-    distinct = min(len(np.unique(one)) for one in recorded)
+    distinct = min((len(np.unique(one)) for one in recorded), default=0)
     found = ((as_displayed(recognised(v), distinct), one) for v, one in every)
     for step, values in sorted(found, key=itemgetter(0), reverse=True):
         if step <= COARSER * stated:

@@ -107,12 +107,9 @@ class TouchDiagnosisModel(Model):
         place = {name: n for n, name in enumerate(self._full.names)}
         self._columns = {i.id: [place[f"{i.id}.{p.name}"] for p in i.parameters] for i in infos}
         kinds = self._full.kinds
-        self._linear = {
-            k: [c for c in own if kinds[c] == "linear"] for k, own in self._columns.items()
-        }
-        self._kind = {
-            k: next((kinds[c] for c in own if kinds[c] != "linear"), "linear")
-            for k, own in self._columns.items()
+        self._linear = {k: [c for c in v if kinds[c] == "linear"] for k, v in self._columns.items()}
+        self._searched = {
+            k: kinds[c] for k, v in self._columns.items() for c in v if kinds[c] != "linear"
         }
         self.nuisance = tuple(
             Nuisance(
@@ -193,7 +190,7 @@ class TouchDiagnosisModel(Model):
         """Exact derivative by an effect's parameters."""
         if effect.id not in self._columns:
             return effect.columns(values)
-        if self._kind[effect.id] == "duration":
+        if self._searched.get(effect.id) == "duration":
             every = range(len(effect.parameters))
             return np.asarray(self._with_durations(nuisance, effect, [values], every)[0].T)
         columns = self._all_columns(nuisance)[self._columns[effect.id]]
@@ -204,7 +201,7 @@ class TouchDiagnosisModel(Model):
     ) -> list[Floats]:
         """Exact derivatives of a fit; unless those of the catalogue are known, of it alone."""
         named = {e.id for e in effects}
-        ids = tuple(i for i in self._ids if i in named and self._kind[i] != "duration")
+        ids = tuple(i for i in self._ids if i in named and self._searched.get(i) != "duration")
         if not ids or nuisance.tobytes() in self._at:
             return super().derivatives(nuisance, effects, values)
         model = self._model(ids)
@@ -224,17 +221,17 @@ class TouchDiagnosisModel(Model):
         """Exact derivative by an effect's linear parameters, a column a row, (v, k, n)."""
         if effect.id not in self._columns:
             return super().linear_columns(nuisance, effect, values)
-        if self._kind[effect.id] == "duration":
+        if self._searched.get(effect.id) == "duration":
             each = [i for i, p in enumerate(effect.parameters) if p.linear]
             return self._with_durations(nuisance, effect, values, each)
         columns = self._all_columns(nuisance)[self._linear[effect.id]]
-        if self._kind[effect.id] == "moment":
+        if self._searched.get(effect.id) == "moment":
             return columns * self._after(effect, values)
         return columns[None] if len(values) == 1 else np.repeat(columns[None], len(values), axis=0)
 
     def _in_force(self, effect: Effect, columns: Floats, values: Mapping[str, float]) -> Floats:
         """Columns (k, n) of an effect from its moment on, where it has one."""
-        if self._kind[effect.id] != "moment":
+        if self._searched.get(effect.id) != "moment":
             return columns
         return np.asarray(columns * self._after(effect, [values])[0])
 
@@ -327,7 +324,6 @@ class TouchDiagnosisModel(Model):
         if kind == "linear":
             return Parameter(name, unit)
         times = self._times
-        length = max(float(times[-1] - times[0]), 1.0)
         if kind == "moment":
             between = (times[1:] + times[:-1]) / 2
             if (
@@ -336,7 +332,7 @@ class TouchDiagnosisModel(Model):
                 between = between[MIN_BESIDE_SLIP - 1 : -(MIN_BESIDE_SLIP - 1)]
             grid = between[:: max(1, len(between) // MAX_MOMENTS)]
             return Parameter(name, unit, tuple(map(float, grid)) or (float(times[0]),))
-        minutes = length / 60.0
+        minutes = max(float(times[-1] - times[0]), 1.0) / 60.0
         grid = np.geomspace(minutes / 20, 1.5 * minutes, DURATIONS)
         return Parameter(name, unit, tuple(map(float, grid)), (minutes / 100, 20 * minutes))
 

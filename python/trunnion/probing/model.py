@@ -187,7 +187,10 @@ class TouchModel:
             servo_period_ms=setup.probe.servo_period_ms if tick_um is None else 0.0,
             effect_ids=list(self.effect_ids),
         )
-        self.names, self.units, self.kinds = zip(*self.core.parameters, strict=True)
+        parameters = self.core.parameters
+        self.names = tuple(name for name, _, _ in parameters)
+        self.units = tuple(unit for _, unit, _ in parameters)
+        self.kinds = tuple(kind for _, _, kind in parameters)
         self.error_names = self.names[: self.core.error_count]
         self.unknown = np.array(self.core.unknown)
 
