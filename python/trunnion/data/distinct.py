@@ -73,8 +73,7 @@ def distinct_rows(data: Any) -> Distinct:
             f"to the last digit under another {_label(data)} (copied, or alike in steps?)",
         ),
     ):
-        some = first if len(first) < len(data) else slice(None)
-        original = found(data[some])
+        original = found(data[first] if len(first) < len(data) else data)
         own = np.unique(original)
         if len(own) < len(first):
             count = len(first) - len(own)

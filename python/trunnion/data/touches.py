@@ -1,6 +1,7 @@
 """Touches of a probe: ``touches.csv``; the plan of a measurement has the same columns."""
 
 from collections.abc import Mapping
+from functools import cached_property
 from os import PathLike
 from types import MappingProxyType
 from typing import Any
@@ -63,28 +64,28 @@ class Touches(Table):
     start_y_mm = OptionalNumber("Y of the ball centre at the start of the approach", commanded=True)
     start_z_mm = OptionalNumber("Z of the ball centre at the start of the approach", commanded=True)
 
-    @property
+    @cached_property
     def position_mm(self) -> Floats:
         """Ball centre at the trigger as recorded, machine frame, (n, 3)."""
         return stack(self.x_mm, self.y_mm, self.z_mm)
 
-    @property
+    @cached_property
     def direction(self) -> Floats:
         """Unit approach direction, machine frame, (n, 3)."""
         return stack(self.dir_x, self.dir_y, self.dir_z)
 
-    @property
+    @cached_property
     def start_mm(self) -> Floats | None:
         """Ball centre at the start of the approach, machine frame, (n, 3); None if not planned."""
         x, y, z = self.start_x_mm, self.start_y_mm, self.start_z_mm
         return None if x is None or y is None or z is None else stack(x, y, z)
 
-    @property
+    @cached_property
     def rotary_deg(self) -> Mapping[str, Floats]:
         """Commanded positions of the rotary axes that the data have, by letter: a, b, c."""
         return by_axis(self, "deg")
 
-    @property
+    @cached_property
     def rotary_dir(self) -> Mapping[str, Int]:
         """Senses of the last turns that the data have, by the axis's letter: a, b, c."""
         return by_axis(self, "dir")
