@@ -34,6 +34,7 @@ from trunnion.probing.model import (
     readings_um,
     rounding_um,
     steps_um,
+    stops_of,
 )
 from trunnion.probing.own_effects import Found, Loss, TouchProblem, own_names
 from trunnion.probing.result import IdentificationResult, lack_of_fit
@@ -244,7 +245,7 @@ def _sources(
     rounding = rounding_um(model.setup, data)
     rest = found.covariance - _covariance(known, len(found.values))
     readings = of_readings(rest, found.sigma_um, "µm", rounding, freedom)
-    stated = inputs_of(model, data, problem.moves, found.values[: len(model.names)])
+    stated = inputs_of(model, problem.moves, stops_of(data), found.values[: len(model.names)])
     gain = cofactor @ weighted.T
     return (*readings, *known, *(one.source(gain @ one.columns) for one in stated))
 

@@ -9,11 +9,10 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from trunnion._core import Moves
-from trunnion.base.units import Floats, unit_of
-from trunnion.data.touches import Touches
+from trunnion.base.units import Floats, Integers, unit_of
 from trunnion.machine.budget import Input
 from trunnion.machine.stated import Stated
-from trunnion.probing.model import TouchModel, catalogue, stops_of
+from trunnion.probing.model import TouchModel, catalogue
 from trunnion.setup import Setup
 
 STEP_ARCSEC = 10.0
@@ -53,15 +52,18 @@ def certificate(model: TouchModel) -> dict[str, Stated]:
     return {name: stated[id_] for name, id_ in ids.items() if id_ in stated}
 
 
-def inputs_of(model: TouchModel, data: Touches, moves: Moves, values: Floats) -> tuple[Input, ...]:
+def inputs_of(
+    model: TouchModel, moves: Moves, stops: Integers, values: Floats
+) -> tuple[Input, ...]:
     """List what the set-up states an uncertainty of, with its influence on touches.
 
     ``model``, ``values``: touches with the effects that are fitted, and their parameters (p,);
-    what is fitted is no input. ``moves``: The touches, as the model knows them.
+    what is fitted is no input. ``moves``: The touches, as the model knows them. ``stops``: Number
+    of the position of the rotary axes of each, (n,).
     """
     stated = stated_of(model.setup)
     others = {k: one for k, one in stated.items() if k not in model.effect_ids}
-    return (*_known_to(model, moves, others), *_rotary_steps(model, data, moves, values))
+    return (*_known_to(model, moves, others), *_rotary_steps(model, moves, stops, values))
 
 
 def _known_to(fitted: TouchModel, moves: Moves, stated: Mapping[str, Stated]) -> Iterator[Input]:
@@ -89,13 +91,12 @@ def turning(model: TouchModel, moves: Moves, values: Floats) -> dict[str, Floats
 
 
 def _rotary_steps(
-    model: TouchModel, data: Touches, moves: Moves, values: Floats
+    model: TouchModel, moves: Moves, stops: Integers, values: Floats
 ) -> Iterator[Input]:
     """Rounding of the commands to each rotary axis, in each of its positions."""
     step = model.setup.resolution.rotary_arcsec
     if step <= 0:
         return
-    stops = stops_of(data)
     at_stop = stops[:, None] == np.arange(stops.max(initial=0) + 1)
     for letter, change in turning(model, moves, values).items():
         columns = np.where(at_stop, change[:, None], 0.0)
