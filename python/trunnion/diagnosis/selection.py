@@ -144,7 +144,7 @@ class Search:
         self.empty = _State(0, (), self.core.empty(self.residual, rss))
         self._path = [self.empty]  # of the last set that was built, block by block
         self.owner: list[int] = c.owner.tolist()
-        self.bits = [1 << j for j in self.owner]
+        self.bits: list[int] = [1 << j for j in self.owner]
         self.nothing = Found(frozenset(), float(self.score(rss, 0, 0.0)), rss, 0, ())
         self.known = {0: self.nothing}
         self.scores = {0: self.nothing.score}
