@@ -6,8 +6,9 @@ t²/12 (GUM, F.2.2.1). Three things follow.
 - The noise of a reading is never below t/√12, however well some model fits. A model with enough
   parameters always finds readings on one grid that it fits exactly.
 - Errors of rounding are a function of where the machine is, not noise: readings that differ by a
-  part of a step round alike. What that does to a machine like the fitted one is simulated
-  (:meth:`Grid.draws`), and each candidate is judged against it.
+  part of a step round alike. What that does to a machine like the fitted one, which rounds to what
+  was read (:mod:`.rounded`), is simulated (:meth:`Grid.draws`), and each candidate is judged
+  against it.
 - Repeats of one reading on one grid have the same error of rounding as long as their noise is small
   beside the step: they are no independent readings. With noise of standard deviation s their errors
   of rounding correlate by (6/π²) Σ exp(-4π²k²s²/t²) / k², from the Fourier series of the sawtooth.
@@ -31,6 +32,7 @@ from trunnion.base.repeats import (
     repeated,
     several,
 )
+from trunnion.base.rounded import place_of
 from trunnion.base.rows import equal_rows
 from trunnion.base.units import Flags, Floats, Integers
 
@@ -257,7 +259,7 @@ class Grid:
         label = np.where(self.step == step, self.label, -1)
         index, count = repeated(label)
         r = residuals[label >= 0]
-        freedom = len(r) - len(count)
+        freedom = self._freedom_of_repeats()
         if step > 0 and freedom >= MIN_REPEATS:
             mean = np.bincount(index, r) / count
             pure = float(np.sum((r - mean[index]) ** 2)) / freedom / step**2
@@ -302,6 +304,11 @@ class Grid:
         shared = rounding * correlation / total
         return Repeats((noise**2 + rounding) / total, shared, self.label)
 
+    def _freedom_of_repeats(self) -> int:
+        """Degrees of freedom of repeats in the finest steps."""
+        again = (self.label >= 0) & (self.step == self.step.min())
+        return int(again.sum()) - len(np.unique(self.label[again]))
+
     def _scatter_of_repeats(self) -> Floats:
         """Variance of repeats for each noise of `STEPS`, in squares of steps."""
         if self.parts is None:
@@ -323,13 +330,15 @@ class Grid:
         covariance: Floats,
         noise: float,
         spread: float = 0.0,
+        used: Floats | None = None,
     ) -> Floats | None:
         """Errors of rounding and noise of machines like a fitted one, all readings, shape (n, s).
 
         None where the noise is large beside the steps. The machine is drawn from the fit's
         covariance; each of its readings is the step next to what it would be. ``spread``: the
         readings of these machines differ by as many steps at least (rms); 0: as the fit says.
-        ``noise``: of all readings, unless that of each is known.
+        ``noise``: of all readings, unless that of each is known. ``used``: 1 for readings, 0 for
+        others, (n,), where machines are to be those that were read so (:mod:`.rounded`).
         """
         known, every = self.known, np.ones(len(values))
         each, scale = noise * every, float(self.step.max()) * every
@@ -339,9 +348,14 @@ class Grid:
             return None
         count = int(np.clip(MAX_DRAWN // len(values), MIN_DRAWS, MAX_DRAWS))
         rng = np.random.default_rng(SEED)
-        off = machines(jacobian, covariance, scale, spread, count, rng)
-        where = (values - residuals)[:, None] + off
         each = np.maximum(each, MIN_NOISE_STEPS * scale)
+        if used is None or known is not None or self.parts is not None or not np.all(self.step > 0):
+            off = machines(jacobian, covariance, scale, spread, count, rng)
+        else:
+            told = float(each[0]) if self._freedom_of_repeats() >= MIN_REPEATS else None
+            place = place_of(residuals, jacobian, covariance, self.step, used, told)
+            off, each = place.drawn(count, rng), place.noise * every
+        where = (values - residuals)[:, None] + off
         noisy = where + each[:, None] * rng.standard_normal(where.shape)
         step = np.where(self.step > 0, self.step, 1.0)[:, None]
         steps, rounded = (noisy - values[:, None]) / step, np.zeros(noisy.shape)

@@ -1,8 +1,8 @@
 """A model with the readings of it that are used, and what they were explained by."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -22,11 +22,10 @@ from trunnion.base.resolution import (
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import DEPENDENT_INCOMPLETE, Candidates
-from trunnion.diagnosis.classes import InClasses, Spread
-from trunnion.diagnosis.columns import MAX_DOUBLES, Pencil, Piece, batch_numbers
 from trunnion.diagnosis.dependence import growth as growth_by_dependence
 from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.fit import Fit, Flags, fit, grid_values, variant_columns
+from trunnion.diagnosis.linearised import Linearised
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.probability import Weighed
@@ -61,8 +60,9 @@ class Case:
         Least variance of the noise of a whitened reading.
     grid:
         Steps in which the readings are recorded.
-    likely:
-        Fit of the machine whose errors of rounding are simulated; None: the plain one.
+    found, likely:
+        Fit of the causes that were found in the noise that is assumed, and that without the
+        weakest, whose errors of rounding are simulated; None: of the plain machine.
     given:
         Plain fit of the model as it was given, where ``model`` is that about a point nearer to the
         data; None: `plain`.
@@ -76,14 +76,14 @@ class Case:
     rows: Integers
     whiten: Whiten
     plain: Fit
-    linearised: "Linearised"
+    linearised: Linearised
     floor: Floor = NO_FLOOR
     grid: Grid | None = None
+    found: Fit | None = None
     likely: Fit | None = None
     given: Fit | None = None
     known: Dictionary | None = None
     minor: set[str] = field(default_factory=set)
-    _residuals: dict[int, tuple[Fit, Floats]] = field(default_factory=dict)
 
     @property
     def values(self) -> list[list[Values]]:
@@ -118,10 +118,26 @@ class Case:
         found.positive = frozenset(j for j, bounds in enumerate(low) if bounds == [0.0])
         if self.dependent:
             found.dependent = DEPENDENT_INCOMPLETE
-        drawn = self.rounding(self.plain)
-        if drawn is not None:
-            found.inflate(inflation(found.gains, drawn, found.rank, found.chance))
+        found.inflate(self._inflation(found))
         return found
+
+    def _inflation(self, c: Candidates) -> Floats:
+        """How many times more each block of candidates gains by rounding than by noise.
+
+        A cause that was found is judged by the machine without the weakest of those, any other one
+        by the machine with all of them.
+        """
+
+        def on(machine: Fit | None) -> Floats:
+            drawn = self._errors_of_rounding(machine)
+            if drawn is None:
+                return np.ones(len(c.owner))
+            return inflation(c.gains, self._left_of(drawn, self.plain), c.rank, c.chance)
+
+        if self.likely is None or self.found is None or self.likely is self.found:
+            return on(self.likely)
+        known = [j for j, effect in enumerate(self.effects) if effect.id in self.found.effects]
+        return np.where(np.isin(c.owner, known), on(self.likely), on(self.found))
 
     def _stated(self) -> dict[int, float]:
         """What is stated of candidates, as the standard deviation along their unit columns."""
@@ -194,26 +210,15 @@ class Case:
         rank = np.maximum(d.of_fit(f)[1], 1)
         return inflation(lambda r: d.gains(r, f.basis)[0], drawn, rank, d.chance(f))
 
-    def rounding(self, f: Fit) -> Floats | None:
-        """Residuals of a fit that errors of rounding make, in units of their noise (kept).
-
-        Shape (m, s), white and orthogonal to the fit's basis; None where the readings have no steps
-        to speak of.
-        """
-        drawn = self._drawn
-        if drawn is None:
-            return None
-        if id(f) not in self._residuals:
-            self._residuals[id(f)] = (f, self._left_of(drawn, f))
-        return self._residuals[id(f)][1]
-
     def rounding_about(self, f: Fit) -> Floats | None:
-        """As `rounding`, of machines like this fit, as uncertain in place as rounding makes it.
+        """Residuals of a fit that rounding makes of such machines, in units of their noise.
 
-        A smooth curve of few steps rounds to arches whose places hang on that.
+        Shape (m, s), white and orthogonal to the fit's basis (kept); None where the readings have
+        no steps to speak of. The machines are as uncertain in place as rounding makes them: a
+        smooth curve of few steps rounds to arches whose places hang on that.
         """
         if id(f) not in self._about:
-            drawn = self._errors_of_rounding(about=f)
+            drawn = self._errors_of_rounding(f, wide=True)
             self._about[id(f)] = f, None if drawn is None else self._left_of(drawn, f)
         return self._about[id(f)][1]
 
@@ -262,31 +267,27 @@ class Case:
         return growth(off, np.diag(f.covariance) * variance)
 
     @cached_property
-    def _drawn(self) -> Floats | None:
-        return self._errors_of_rounding()
-
-    @cached_property
     def _drawn_anywhere(self) -> Floats | None:
-        return self._errors_of_rounding(ANY_PLACE)
+        return self._errors_of_rounding(spread=ANY_PLACE)
 
     @cached_property
     def _about(self) -> dict[int, tuple[Fit, Floats | None]]:
         return {}
 
     def _errors_of_rounding(
-        self, spread: float = 0.0, *, about: Fit | None = None
+        self, of: Fit | None = None, *, spread: float = 0.0, wide: bool = False
     ) -> Floats | None:
-        """Errors of rounding and noise of machines like the likely one, white, shape (m, s).
+        """Errors of rounding and noise of machines like a fit, the likely one, white, shape (m, s).
 
-        ``about``: a fit that they are like instead, where rounding makes their place uncertain.
+        ``wide``: as uncertain in place as rounding makes them.
         """
         if self.grid is None:
             return None
-        of = about or self.likely or self.plain
+        of = of or self.likely or self.plain
         used = np.zeros(len(of.residuals))
         used[self.rows] = of.residuals[self.rows]
         covariance = of.covariance * float(self.floor.noise(of.rss, of.dof))
-        if about is not None and (drawn := self._drawn_anywhere) is not None:
+        if wide and (drawn := self._drawn_anywhere) is not None:
             off = of.covariance @ (self.white(of.jacobian).T @ drawn)
             covariance = grown(covariance, off)
         drawn = self.grid.draws(
@@ -296,11 +297,21 @@ class Case:
             covariance,
             self.grid.noise(used, of.dof, of.jacobian, weights_of(self.whiten)),
             spread,
+            self._as_read if spread == 0.0 else None,
         )
         if drawn is None:
             return None
         white = np.asarray(self.whiten(drawn))
         return (white if self.grid.known is None else self.grid.known.completed(white))[self.rows]
+
+    @property
+    def _as_read(self) -> Floats | None:
+        """1 for readings that are used, 0 for others, (n,); None: their errors have a memory."""
+        if not (self.whiten is identity or isinstance(self.whiten, Repeats | Scaling)):
+            return None
+        used = np.zeros(len(self.model.readings))
+        used[self.rows] = 1.0
+        return used
 
     @cached_property
     def dictionary(self) -> Dictionary:
@@ -334,7 +345,6 @@ class Case:
             plain=plain,
             linearised=linearised,
             grid=grid,
-            _residuals={},
         )
 
     @property
@@ -365,89 +375,6 @@ class Case:
     def least_rss(self) -> float:
         """Sum of squares of readings that a set of causes fits exactly."""
         return self.plain.dof * self.least_rms**2
-
-
-class Linearised:
-    """Columns of all candidates at one point, whitened: kept of few rows, made anew of many.
-
-    Attributes
-    ----------
-    values:
-        Of each candidate, the parameter values of its variants (linear parameters 0).
-    width:
-        Count of columns that are kept.
-    """
-
-    def __init__(self, model: Model, nuisance: Floats, whiten: Whiten) -> None:
-        self.model, self.whiten = model, whiten
-        self.values = [grid_values(effect) for effect in model.effects]
-        self.width = sum(
-            (2 if affine(effect) else len(v)) * sum(p.linear for p in effect.parameters)
-            for effect, v in zip(model.effects, self.values, strict=True)
-        )
-        self._make = partial(_pieces, model, nuisance, whiten, self.values)
-        n = len(model.readings)
-        few = n < MANY_ROWS and self.width * n <= MAX_DOUBLES
-        self._kept = list(self._make()) if few else None
-
-    def pieces(self) -> Iterable[Piece]:
-        """Give the number of a candidate and some of its variants (v, n, k), in order."""
-        return self._make() if self._kept is None else self._kept
-
-    @cached_property
-    def known(self) -> dict[tuple[str | float, ...], Floats]:
-        """White columns (n, k) that are kept, by effect and the values of its parameters."""
-        out, reached = dict[tuple[str | float, ...], Floats](), [0] * len(self.values)
-        for j, piece in self._kept or ():
-            if isinstance(piece, np.ndarray):
-                id_, first = self.model.effects[j].id, reached[j]
-                reached[j] += len(piece)
-                own = zip(self.values[j][first : reached[j]], piece, strict=True)
-                out |= {(id_, *v.values()): x for v, x in own}
-        return out
-
-
-def _pieces(
-    model: Model, nuisance: Floats, whiten: Whiten, values: list[list[Values]]
-) -> Iterator[Piece]:
-    n = len(model.readings)
-    for j, effect in enumerate(model.effects):
-        if name := affine(effect):
-            at = np.array([v[name] for v in values[j]])
-            ends = [values[j][0], values[j][-1]]
-            first, last = model.white_columns(nuisance, effect, ends, whiten)
-            slope = (last - first) / (at[-1] - at[0])
-            yield j, Pencil(first - at[0] * slope, slope, at)
-            continue
-        if effect.spread is not None and n >= MANY_ROWS and _apart(whiten, effect.spread):
-            yield j, _in_classes(effect.spread, values[j], whiten)
-            continue
-        most = max(1, batch_numbers(n) // (n * len(effect.parameters)))
-        for first in range(0, len(values[j]), most):
-            yield j, model.white_columns(nuisance, effect, values[j][first : first + most], whiten)
-
-
-def _apart(whiten: Whiten, spread: Spread) -> bool:
-    """Whether white columns of a class are zero in all others, as they are."""
-    if isinstance(whiten, Repeats):
-        return whiten.within(spread.label)
-    return whiten is identity or isinstance(whiten, Scaling)
-
-
-def _in_classes(spread: Spread, values: list[Values], whiten: Whiten) -> InClasses:
-    """White columns of an effect that has sizes of its own in classes."""
-
-    def functions(i: int) -> Floats:
-        return np.asarray(whiten(spread.functions(values[i]).T)).T
-
-    return InClasses(functions, len(values), spread.label, slice(len(spread.label)))
-
-
-def affine(effect: Effect) -> str | None:
-    """Name of the one parameter in which the columns of an effect are affine."""
-    others = [p for p in effect.parameters if not p.linear]
-    alone = len(others) == 1 and others[0].affine and len(others[0].grid) > 2
-    return others[0].name if alone else None
 
 
 @dataclass

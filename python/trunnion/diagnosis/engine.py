@@ -320,13 +320,14 @@ def _without_causes(case: Case, choice: Choice, why: str) -> tuple[Case, Choice]
 def _with_noise_of(case: Case, choice: Choice) -> Case | None:
     """Weigh errors of rounding against the noise that a choice leaves; None: there are none.
 
-    Rounding is simulated on the machine without the weakest of its causes: is it one?
+    Rounding is simulated on the machine of its causes, is there another one? And on the machine
+    without the weakest of them: is it one?
     """
     grid = case.grid
     found = choice[1].fit
     if grid is not None and grid.follows:
         likely = _without_the_weakest(case, found, choice[2])
-        return replace(case, likely=likely, minor=set(), _residuals={})
+        return replace(case, found=found, likely=likely, minor=set())
     if grid is None or case.model.whitener(case.plain.residuals) is not identity:
         return None
     used = kept_rows(len(case.rows), choice[2])
@@ -337,7 +338,7 @@ def _with_noise_of(case: Case, choice: Choice) -> Case | None:
     if whiten is identity and case.whiten is identity and not grid.matters(noise):
         return None
     again = whitened(case.model, case.plain, grid, whiten)
-    again.likely = _without_the_weakest(case, found, choice[2])
+    again.found, again.likely = found, _without_the_weakest(case, found, choice[2])
     again.given = case.given
     return again
 

@@ -4,8 +4,9 @@ import numpy as np
 
 from trunnion.base.errors import DataError
 from trunnion.base.resolution import Floor, Grid
-from trunnion.diagnosis.case import Case, Linearised
+from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.fit import Fit, fit
+from trunnion.diagnosis.linearised import Linearised
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.own_effects import check_own

@@ -9,13 +9,14 @@ import numpy as np
 
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import Candidates
-from trunnion.diagnosis.case import Case, Explanation, Linearised, kept_rows
+from trunnion.diagnosis.case import Case, Explanation, kept_rows
 from trunnion.diagnosis.contributions import contributions_of
 from trunnion.diagnosis.cross_validation import cross_validated
 from trunnion.diagnosis.doubt import Doubt
 from trunnion.diagnosis.effect import Values
 from trunnion.diagnosis.explain import MIN_EXPLAINED, with_behind
 from trunnion.diagnosis.fit import Fit, confounded, grid_values, variant_columns
+from trunnion.diagnosis.linearised import Linearised
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.moments import moment_errors
 from trunnion.diagnosis.records import (

@@ -9,8 +9,8 @@ import numpy as np
 
 from trunnion.base.resolution import Grid
 from trunnion.base.units import Floats, Integers
-from trunnion.diagnosis.case import Linearised
 from trunnion.diagnosis.effect import Effect, EffectValues, Values
+from trunnion.diagnosis.linearised import Linearised
 from trunnion.diagnosis.model import Model, Readings
 from trunnion.diagnosis.records import units_of
 from trunnion.diagnosis.whitening import Whiten

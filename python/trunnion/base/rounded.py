@@ -1,0 +1,163 @@
+"""Machines whose readings round to those that were read.
+
+A reading in steps says that the machine lay within half a step of it, give or take its noise. Where
+errors of rounding are shared (rows of a plate that differ by less than a step round alike) a least
+squares fit is off by far more than its covariance says, and machines about it round to other
+readings than were read. Where they lie instead follows from the probability of each reading,
+
+    P = Φ((u + h) / s) - Φ((u - h) / s),    u: reading less place, h: half a step, s: noise,
+
+whose logarithm is concave in the parameters of a linear model: Newton's method finds its top. Where
+the noise is small the top is a plateau with steep sides; machines are taken as normal about the
+place, and as wide, as fits it best (Opper and Archambeau 2009, The variational Gaussian
+approximation revisited, Neural Computation 21): the mean slope is nothing, the mean curvature their
+inverse covariance. The noise, where no repeats tell it, is that of which the readings are most
+probable (by Laplace's method).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import log_ndtr
+
+from trunnion.base.units import Floats
+
+NOISES = (0.5, 0.4, 0.3, 0.2, 0.15, 0.1, 0.07, 0.05, 0.03, 0.02)
+"""Noise beside the rounding that is tried, in steps, from where the top is easily found."""
+WIDER = 10.0  # times the standard errors of the fit, within which the top is sought
+AVERAGED = 8  # pairs of places
+ROUNDS = 16
+SEED = 1
+MAX_STEPS = 30
+MAX_HALVINGS = 20
+SETTLED = 1e-6  # of ln P
+SUFFICIENT = 1e-4  # share of the rise that is promised
+SAME = 1e-14  # of the largest eigenvalue of a covariance: rounding
+MIN_EXPONENT = -1e-12
+LOG_NORMAL = -0.5 * float(np.log(2 * np.pi))
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where machines lie that were read so.
+
+    Attributes
+    ----------
+    off:
+        How much more their readings are than those of the fit, for each direction of its
+        covariance, shape (n, q).
+    at:
+        The likeliest lengths along these, shape (q,).
+    information:
+        Inverse of their covariance, (q, q).
+    noise:
+        Standard deviation beside the rounding.
+    """
+
+    off: Floats
+    at: Floats
+    information: Floats
+    noise: float
+
+    def drawn(self, count: int, rng: np.random.Generator) -> Floats:
+        """How readings of some such machines differ from those of the fit, shape (n, count)."""
+        size, axes = np.linalg.eigh(self.information)
+        own = axes / np.sqrt(size) @ rng.standard_normal((len(size), count))
+        return np.asarray(self.off @ (self.at[:, None] + own))
+
+
+def place_of(
+    residuals: Floats,
+    jacobian: Floats,
+    covariance: Floats,
+    step: Floats,
+    used: Floats,
+    noise: float | None,
+) -> Place:
+    """Find where machines lie whose readings round to those that were read.
+
+    Parameters
+    ----------
+    residuals, jacobian, covariance:
+        Of a fit, shapes (n,), (n, p) and (p, p).
+    step:
+        Of each reading, above zero, shape (n,).
+    used:
+        1 for readings that are used, 0 for others, shape (n,).
+    noise:
+        Standard deviation of a reading beside the rounding; None: as the readings say.
+    """
+    free = np.flatnonzero(np.diag(covariance) > 0)
+    size, axes = np.linalg.eigh(covariance[np.ix_(free, free)])
+    seen = size > SAME * size.max(initial=0.0)
+    off = jacobian[:, free] @ (axes[:, seen] * np.sqrt(size[seen]))
+    largest = float(step.max())
+    known = [] if noise is None else [noise]
+    tried = [share * largest for share in NOISES if not known or share * largest > known[0]]
+    at, best, most = np.zeros(off.shape[1]), None, -np.inf
+    for s in (*tried, *known):
+        at, log, curvature = _top(residuals, off, step / 2, s, used, at)
+        information = np.eye(len(at)) + off.T @ (curvature[:, None] * off)
+        together = log - float(np.linalg.slogdet(information)[1]) / 2
+        if known or together > most:
+            best, most = Place(off, at, information, s), together
+    assert best is not None  # NOISES is not empty
+    return _normal(best, residuals, step / 2, used)
+
+
+def _normal(top: Place, residuals: Floats, half: Floats, used: Floats) -> Place:
+    """Return the normal distribution that is nearest to the places about the top."""
+    off, at, information = top.off, top.at, top.information
+    some = np.random.default_rng(SEED).standard_normal((len(at), AVERAGED))
+    both, ridge = np.concatenate([some, -some], axis=1), WIDER**-2 * np.eye(len(at))
+    for _ in range(ROUNDS):
+        size, axes = np.linalg.eigh(information)
+        places = at[:, None] + axes / np.sqrt(size) @ both
+        off_each = residuals[:, None] - off @ places
+        _, slope, curvature = _of_readings(off_each, half[:, None], top.noise)
+        mean = used * curvature.mean(axis=1)
+        found = off.T @ (mean[:, None] * off) + ridge
+        information = (information + found) / 2
+        rise = -(off.T @ (used * slope.mean(axis=1))) - ridge @ at
+        at = at + np.linalg.solve(information, rise) / 2
+    return replace(top, at=at, information=information)
+
+
+def _top(
+    residuals: Floats, off: Floats, half: Floats, noise: float, used: Floats, at: Floats
+) -> tuple[Floats, float, Floats]:
+    """Likeliest place from a start, ln P of all readings there, and the curvature of each (n,)."""
+    ridge = WIDER**-2
+
+    def value(z: Floats) -> tuple[float, Floats, Floats]:
+        log, slope, curvature = _of_readings(residuals - off @ z, half, noise)
+        return float(used @ log) - ridge * float(z @ z) / 2, used * slope, used * curvature
+
+    log, slope, curvature = value(at)
+    for _ in range(MAX_STEPS):
+        rise = -(off.T @ slope) - ridge * at
+        step = np.linalg.solve(off.T @ (curvature[:, None] * off) + ridge * np.eye(len(at)), rise)
+        promised, share = float(rise @ step), 1.0
+        if promised < SETTLED:
+            break
+        for _ in range(MAX_HALVINGS):
+            new = value(at + share * step)
+            if new[0] >= log + SUFFICIENT * share * promised:
+                break
+            share /= 2
+        else:
+            break
+        at, (log, slope, curvature) = at + share * step, new
+    return at, log + ridge * float(at @ at) / 2, curvature
+
+
+def _of_readings(off: Floats, half: Floats, noise: float) -> tuple[Floats, Floats, Floats]:
+    """Log of P of each reading, its derivative by u, and less the second one, shapes (n,)."""
+    low, high = (np.abs(off) - half) / noise, (np.abs(off) + half) / noise
+    above, beyond = log_ndtr(-low), log_ndtr(-high)
+    log = above + np.log1p(-np.exp(np.minimum(beyond - above, MIN_EXPONENT)))
+    at_low = np.exp(LOG_NORMAL - low**2 / 2 - log)
+    at_high = np.exp(LOG_NORMAL - high**2 / 2 - log)
+    slope = (at_high - at_low) / noise
+    curvature = slope**2 - (low * at_low - high * at_high) / noise**2
+    return log, np.sign(off) * slope, np.maximum(curvature, 0.0)

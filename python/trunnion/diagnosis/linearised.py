@@ -1,0 +1,99 @@
+"""Columns of all candidates at one point, made white."""
+
+from collections.abc import Iterable, Iterator
+from functools import cached_property, partial
+
+import numpy as np
+
+from trunnion.base.repeats import Repeats
+from trunnion.base.statistics import MANY_ROWS
+from trunnion.base.units import Floats
+from trunnion.diagnosis.classes import InClasses, Spread
+from trunnion.diagnosis.columns import MAX_DOUBLES, Pencil, Piece, batch_numbers
+from trunnion.diagnosis.effect import Effect, Values
+from trunnion.diagnosis.fit import grid_values
+from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.whitening import Scaling, Whiten, identity
+
+
+class Linearised:
+    """Columns of all candidates at one point, whitened: kept of few rows, made anew of many.
+
+    Attributes
+    ----------
+    values:
+        Of each candidate, the parameter values of its variants (linear parameters 0).
+    width:
+        Count of columns that are kept.
+    """
+
+    def __init__(self, model: Model, nuisance: Floats, whiten: Whiten) -> None:
+        self.model, self.whiten = model, whiten
+        self.values = [grid_values(effect) for effect in model.effects]
+        self.width = sum(
+            (2 if affine(effect) else len(v)) * sum(p.linear for p in effect.parameters)
+            for effect, v in zip(model.effects, self.values, strict=True)
+        )
+        self._make = partial(_pieces, model, nuisance, whiten, self.values)
+        n = len(model.readings)
+        few = n < MANY_ROWS and self.width * n <= MAX_DOUBLES
+        self._kept = list(self._make()) if few else None
+
+    def pieces(self) -> Iterable[Piece]:
+        """Give the number of a candidate and some of its variants (v, n, k), in order."""
+        return self._make() if self._kept is None else self._kept
+
+    @cached_property
+    def known(self) -> dict[tuple[str | float, ...], Floats]:
+        """White columns (n, k) that are kept, by effect and the values of its parameters."""
+        out, reached = dict[tuple[str | float, ...], Floats](), [0] * len(self.values)
+        for j, piece in self._kept or ():
+            if isinstance(piece, np.ndarray):
+                id_, first = self.model.effects[j].id, reached[j]
+                reached[j] += len(piece)
+                own = zip(self.values[j][first : reached[j]], piece, strict=True)
+                out |= {(id_, *v.values()): x for v, x in own}
+        return out
+
+
+def _pieces(
+    model: Model, nuisance: Floats, whiten: Whiten, values: list[list[Values]]
+) -> Iterator[Piece]:
+    n = len(model.readings)
+    for j, effect in enumerate(model.effects):
+        if name := affine(effect):
+            at = np.array([v[name] for v in values[j]])
+            ends = [values[j][0], values[j][-1]]
+            first, last = model.white_columns(nuisance, effect, ends, whiten)
+            slope = (last - first) / (at[-1] - at[0])
+            yield j, Pencil(first - at[0] * slope, slope, at)
+            continue
+        if effect.spread is not None and n >= MANY_ROWS and _apart(whiten, effect.spread):
+            yield j, _in_classes(effect.spread, values[j], whiten)
+            continue
+        most = max(1, batch_numbers(n) // (n * len(effect.parameters)))
+        for first in range(0, len(values[j]), most):
+            yield j, model.white_columns(nuisance, effect, values[j][first : first + most], whiten)
+
+
+def _apart(whiten: Whiten, spread: Spread) -> bool:
+    """Whether white columns of a class are zero in all others, as they are."""
+    if isinstance(whiten, Repeats):
+        return whiten.within(spread.label)
+    return whiten is identity or isinstance(whiten, Scaling)
+
+
+def _in_classes(spread: Spread, values: list[Values], whiten: Whiten) -> InClasses:
+    """White columns of an effect that has sizes of its own in classes."""
+
+    def functions(i: int) -> Floats:
+        return np.asarray(whiten(spread.functions(values[i]).T)).T
+
+    return InClasses(functions, len(values), spread.label, slice(len(spread.label)))
+
+
+def affine(effect: Effect) -> str | None:
+    """Name of the one parameter in which the columns of an effect are affine."""
+    others = [p for p in effect.parameters if not p.linear]
+    alone = len(others) == 1 and others[0].affine and len(others[0].grid) > 2
+    return others[0].name if alone else None
