@@ -1,5 +1,7 @@
 """Readings that wander as no cause does: what their noise is taken for, and what is named then."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -76,14 +78,27 @@ def test_short_series_are_whitened_to_their_end() -> None:
     assert Autoregression().log_size(0) == 0.0
 
 
-def wandering(waves: tuple[float, float], seed: int) -> Diagnosis:
-    """Diagnose a log of a slow C axis, of which X wanders otherwise in each run."""
+def slow_c(cases: twin.Cases) -> None:
+    cases.gain[0, 4] *= 0.985
+
+
+def late_log(cases: twin.Cases) -> None:
+    cases.log_delay[0] = 1.5e-6
+
+
+def wandering(
+    waves: tuple[float, float],
+    seed: int,
+    hide: Callable[[twin.Cases], None] = slow_c,
+    sign: float = 1.0,
+) -> Diagnosis:
+    """Diagnose a log of which X wanders otherwise in each run."""
     commands = [twin.commanded(feed / 60) for feed in (1000, 3000)]
     cases = twin.Cases(1)
-    cases.gain[0, 4] *= 0.985
+    hide(cases)
     actual = [twin.actual(c, cases)[0] for c in commands]
     for a, count, size in zip(actual, waves, (1.2e-3, 0.7e-3), strict=True):
-        a[:, 0] += size * np.sin(2 * np.pi * count * np.linspace(0, 1, len(a)) + count)
+        a[:, 0] += sign * size * np.sin(2 * np.pi * count * np.linspace(0, 1, len(a)) + count)
     return diagnose(twin.log(commands, actual, np.random.default_rng(seed)), SETUP)
 
 
@@ -95,6 +110,14 @@ def test_a_wander_is_stated_and_not_named(number: int) -> None:
     assert "X" in d.unexplained
     assert d.named == {"gain_c"}
     assert d.effects["gain_c"]["gain_percent"] == pytest.approx(-1.5, abs=0.05)
+
+
+@pytest.mark.parametrize(("number", "sign"), [(0, -1.0), (1, -1.0), (2, 1.0), (3, 1.0)])
+def test_a_wander_of_one_axis_takes_no_cause_from_the_others(number: int, sign: float) -> None:
+    """A log that is late is seen in all axes: what it does to a wander says nothing of it."""
+    d = wandering(WAVES[number], number, late_log, sign)
+    assert d.named == {"log_delay"}
+    assert d.effects["log_delay"]["delay_ms"] == pytest.approx(1.5e-3, abs=5e-4)
 
 
 def test_a_sound_log_does_not_wander() -> None:

@@ -279,9 +279,12 @@ def _settled(given: Fit, case: Case, choice: Choice) -> tuple[Case, Choice]:
 def _worse(case: Case, choice: Choice) -> bool:
     """Whether causes leave a larger rms of the readings of a unit than the plain model, as printed.
 
-    Not by rounding alone: what is printed is larger, or it is by more than `MAX_WORSE`.
+    Not by rounding alone: what is printed is larger, or it is by more than `MAX_WORSE`. Of readings
+    that wander the rms says nothing: causes are judged by what no wander makes.
     """
     rows = kept_rows(len(case.rows), choice[2])
+    for wandering in case.wandering:
+        rows[wandering] = False
     _, index = units_of(case.model.readings)
     plain, found = case.given or case.without(choice[2]).plain, choice[1].fit
     units = [rows & (index == i) for i in range(index.max() + 1)]

@@ -10,8 +10,9 @@ from trunnion.base.resolution import Floor
 from trunnion.diagnosis.alarms import CAUSE_LEVEL, Alarm, scatter
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case, Explanation, Sets
-from trunnion.diagnosis.effect import Effect, Values
+from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.fit import Fit, fit
+from trunnion.diagnosis.part_of_wander import part_of_wander
 from trunnion.diagnosis.probability import NEAR_ODDS, Behind, Only, Probabilities
 from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Term
 from trunnion.diagnosis.selection import WITHIN, Found, Search, search
@@ -255,31 +256,13 @@ def _undetermined(case: Case, f: Fit, searched: Search) -> set[int]:
                 out.add(j)
             elif chance > EXPECTED_P if effect.expected else chance * count > UNDETERMINED_P:
                 out.add(j)
-    out = out or _part_of_wander(case, f)
+    out = out or part_of_wander(case, f)
     # What is expected to differ gives way last, and first what can take its place.
     return (
         {j for j in out if not case.effects[j].expected}
         or {other for j in out if (other := _stand_in(case, f, j)) in _redundant(searched)}
         or out
     )
-
-
-def _part_of_wander(case: Case, f: Fit) -> set[int]:
-    """Effect of a fit that makes more of the readings that wander than it explains, the worst."""
-    if not case.wandering:
-        return set()
-    rows = case.rows[np.concatenate(case.wandering)]
-    left = f.residuals[rows]
-    least, before = float(left @ left), case.plain.residuals[rows]
-    if least <= float(before @ before):
-        return set()
-    worst: set[int] = set()
-    for j, effect in enumerate(case.effects):
-        if effect.id in f.effects:
-            own = left + np.asarray(effect.change(Values(f.effects[effect.id])))[rows]
-            if float(own @ own) < least:
-                worst, least = {j}, float(own @ own)
-    return worst
 
 
 def _redundant(searched: Search) -> set[int]:
