@@ -90,6 +90,19 @@ def cubic(rng: Rng) -> Law:
     return law
 
 
+def growing(rng: Rng) -> Law:
+    """A cubic in the cutting time: about a barrel and a tool that heats up together."""
+    size = rng.uniform(5, 20) * rng.choice([-1, 1])
+    return lambda p, o: size * (p.length(o) / o) ** 3
+
+
+def hump(rng: Rng) -> Law:
+    """A bell in the cutting time, which waves of a few lengths describe."""
+    size = rng.uniform(5, 20) * rng.choice([-1, 1])
+    place, width = rng.uniform(0.3, 0.7), rng.uniform(0.08, 0.2)
+    return lambda p, o: size * np.exp(-0.5 * ((p.length(o) / o - place) / width) ** 2)
+
+
 LAWS: Mapping[str, Callable[[Rng], Law]] = {
     "tool_heating": heating,
     "tool_wear": wear,
@@ -108,7 +121,7 @@ def measured(
     *,
     warm: bool = False,
     left: Sequence[float] = (),
-    unknown: bool = False,
+    unknown: bool | Callable[[Rng], Law] = False,
     exact: bool = False,
     count: int | None = None,
 ) -> tuple[Diameters, Setup]:
@@ -117,8 +130,8 @@ def measured(
     ``warm``: one more, like the first, right behind four of its kind. ``left``: what each cause,
     and the unknown error last, leaves beside a tool setting in each pass instead of its usual size:
     the root of the sum of squares of all readings in noises. ``unknown``: with an error that is no
-    cause of the catalogue. ``exact``: neither noise nor the steps of a gauge. ``count``: readings
-    of a pass, by default 80 to 199.
+    cause of the catalogue, by default a cubic along the bar. ``exact``: neither noise nor the steps
+    of a gauge. ``count``: readings of a pass, by default 80 to 199.
     """
     rng = np.random.default_rng(seed)
     overhang = float(rng.uniform(55, 120))
@@ -128,7 +141,9 @@ def measured(
     z = np.linspace(overhang - 0.5, rng.uniform(2, 6), count)
     plan = [Pass(-1, 1.0, speed, z), Pass(1, 1.0, speed, z), Pass(-1, 2.0, speed, z)][:passes]
     plan += [Pass(-1, 1.0, speed, z, 4 * overhang / speed)] * warm
-    laws = [LAWS[name](rng) for name in hidden] + ([cubic(rng)] if unknown else [])
+    laws = [LAWS[name](rng) for name in hidden]
+    if unknown:
+        laws.append(cubic(rng) if unknown is True else unknown(rng))
     shares = [1.0] * len(laws)
     if left:
         of_noise = float(np.hypot(noise, 1.0 / np.sqrt(12.0)))

@@ -8,6 +8,7 @@ nonlinear parameters.
 import itertools
 from bisect import bisect_right
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from copy import copy
 from functools import cached_property
 from types import MappingProxyType
 
@@ -28,6 +29,7 @@ from trunnion.diagnosis.columns import (
     storage,
     unit_blocks,
 )
+from trunnion.diagnosis.whitening import Whiten
 
 # The same where the model is known to be incomplete (3 % of its length): or its gaps decide.
 DEPENDENT_INCOMPLETE = 1e-3
@@ -154,6 +156,17 @@ class Candidates:
         new.inflate(np.append(self.inflation, np.ones(len(new.owner) - len(self.owner))))
         new.ban(self._banned)
         new.dependent, new.positive = self.dependent, self.positive
+        return new
+
+    def whitened(self, whiten: Whiten) -> "Candidates":
+        """Return these candidates where the noise beside the basis is to be whitened so."""
+        new = copy(self)
+        columns = np.asarray(whiten(np.concatenate([part[:] for part in self._parts]).T)).T
+        for k, _, at in self.by_rank:
+            if k:
+                columns[at] = np.linalg.qr(columns[at].swapaxes(1, 2))[0].swapaxes(1, 2)
+        new._parts, new._ends = (columns,), [len(columns)]
+        new._gram_rows, new._last, new._known = {}, None, None
         return new
 
     def inflate(self, factor: Floats) -> None:

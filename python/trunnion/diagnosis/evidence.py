@@ -43,7 +43,7 @@ TO_WEIGH = 20.0  # above the best score, to which sets are weighed
 
 @dataclass(frozen=True)
 class Evidence:
-    """Odds of the sets of a search.
+    """How well the sets of a search explain, with what is assumed of them beforehand.
 
     Attributes
     ----------
@@ -57,8 +57,8 @@ class Evidence:
     count: int
 
     @cached_property
-    def odds(self) -> Mapping[int, float]:
-        """-2 ln of the odds of sets over those of the best one, by their masks; 0: the best."""
+    def values(self) -> Mapping[int, float]:
+        """-2 ln of the mean likelihood of sets times what is assumed of them, by their masks."""
         s = self.search
         rank = s.c.rank.tolist()
         rough: dict[int, float] = {}
@@ -81,7 +81,7 @@ class Evidence:
                 break
             out[mask] = value + self._of_variants(s.made[mask])
             least = min(least, out[mask])
-        return {mask: value - least for mask, value in out.items()}
+        return out
 
     @cached_property
     def _assumed(self) -> tuple[Floats, Floats, Floats]:

@@ -13,7 +13,8 @@ from trunnion.diagnosis.case import Case, Explanation, Sets
 from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.part_of_wander import part_of_wander
-from trunnion.diagnosis.probability import NEAR_ODDS, Behind, Only, Probabilities
+from trunnion.diagnosis.probability import NEAR_ODDS, Behind, Beside, Only, Probabilities
+from trunnion.diagnosis.processes import processes
 from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Term
 from trunnion.diagnosis.selection import WITHIN, Found, Search, search
 from trunnion.diagnosis.terms import (
@@ -38,6 +39,7 @@ EXPECTED_P = 0.05  # of an effect that costs nothing to name
 MIN_EXPLAINED = 0.05  # of what is left, that a cause explains beside an incomplete model
 UNDETERMINED_P = 0.5  # of an effect beside the others of its set, times the candidates
 NOTHING = Only(frozenset({frozenset()}), none=1.0)
+UNNAMED = 0.5  # probability of structure without a name from which it is stated
 HIDDEN_SIZES = (1.0, 2.0, 4.0)  # times its least size, an effect that may hide behind causes
 
 
@@ -151,14 +153,18 @@ def _explained(case: Case) -> Explanation:
             terms = best_terms(case, extended)
     elif not case.exact(extended):
         unexplained = alarm_scan.p < SCAN_LEVEL and alarm_scan.holds(SCAN_LEVEL)
+        picked = []
         if unexplained or stands_for_causes(case, best):
             picked = promising(case, (extended, plain))
             picked = [i for i in picked if not is_a_sum(case, i, best)]
             if not unexplained:
                 picked = [i for i in picked if not has_a_name(case, i)]
-            chances, best, terms, extended = _with_terms(case, picked, chances.search)
-            demanded = bool(best.members)
-            named = [best] if terms else [best, *(f for f in named if f.members != best.members)]
+        smooth = processes(case, best) if unexplained or demanded else []
+        if unexplained or picked or smooth:
+            chances, tried, terms, extended = _with_structure(case, picked, chances.search, smooth)
+            best, demanded = tried[0], bool(tried[0].members)
+            known = {f.members for f in tried}
+            named = [best] if terms else [*tried, *(f for f in named if f.members not in known)]
 
     noise = chances.of_noise(best) if demanded and not (terms or case.dependent) else 0.0
     if noise > 1:
@@ -364,28 +370,48 @@ def _expand(c: Candidates, f: Found) -> list[dict[int, int]]:
     return out[:MAX_ALTERNATIVES]
 
 
-def _with_terms(
-    case: Case, picked: list[int], first: Search
-) -> tuple[Probabilities, Found, list[tuple[Term, float]], Fit]:
-    """Let some terms compete with the causes; ``first``: search of these alone."""
+# --- structure without a name
+
+
+def _with_structure(
+    case: Case, picked: list[int], first: Search, smooth: list[Beside]
+) -> tuple[Probabilities, list[Found], list[tuple[Term, float]], Fit]:
+    """Let some terms, and smooth processes, compete with the causes: sets of these, best first.
+
+    ``first``: search of the causes alone.
+    """
     d, c, plain = case.dictionary, case.candidates, case.plain
-    more = (case.term_inflation(plain) - 1.0) * d.chance(plain)
-    both = c.beside(
-        [d.variants(i) for i in picked],
-        np.full(len(picked), d.level),
-        UNNAMED_TERM_PENALTY + more[picked],
-    )
-    chances = Probabilities(search(both, plain.white, floor=case.floor, after=first), c)
-    top = next(iter(chances.likeliest), chances.search.nothing)
-    causes = Found(
-        frozenset(m for m in top.members if m < c.count),
-        top.score,
-        top.rss,
-        top.columns,
-        tuple(b for b in top.blocks if both.owner[b] < c.count),
-    )
-    fitted = _fit_set(case, both, causes)
+    both, searched = c, first
+    if picked:
+        more = (case.term_inflation(plain) - 1.0) * d.chance(plain)
+        both = c.beside(
+            [d.variants(i) for i in picked],
+            np.full(len(picked), d.level),
+            UNNAMED_TERM_PENALTY + more[picked],
+        )
+        searched = search(both, plain.white, floor=case.floor, after=first)
+    chances = Probabilities(searched, c, processes=smooth)
+    likeliest = chances.likeliest or [chances.search.nothing]
+    plainly = [f for f in likeliest if not _has_structure(c, f)]
+    top = plainly[0] if plainly and chances.unnamed < UNNAMED else likeliest[0]
+    sets: dict[frozenset[int], Found] = {}
+    for f in (top, *likeliest):
+        causes = _causes_of(c, f)
+        sets.setdefault(causes.members, causes)
+    named = list(sets.values())
+    fitted = _fit_set(case, both, named[0])
     terms: list[tuple[Term, float]] = []
-    if causes.members != top.members or Alarm.of_terms(case, fitted).p < SCAN_LEVEL:
+    if _has_structure(c, top) or Alarm.of_terms(case, fitted).p < SCAN_LEVEL:
         terms = best_terms(case, fitted)
-    return chances, causes, terms, fitted
+    return chances, named, terms, fitted
+
+
+def _has_structure(c: Candidates, f: Found) -> bool:
+    """Whether structure without a name is in a set."""
+    return max(f.members, default=-1) >= c.count
+
+
+def _causes_of(c: Candidates, f: Found) -> Found:
+    """Return a set without the structure that is in it."""
+    blocks = tuple(b for b in f.blocks if b < len(c.owner))
+    return replace(f, members=frozenset(m for m in f.members if m < c.count), blocks=blocks)

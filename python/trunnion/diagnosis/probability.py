@@ -48,6 +48,14 @@ class Behind:
     distance: float
 
 
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """Sets of causes beside a smooth process; ``cost``: what it adds to -2 ln L of each."""
+
+    search: Search
+    cost: float
+
+
 class Weighed(Protocol):
     """Probabilities of sets of candidates, by the candidates' numbers."""
 
@@ -99,12 +107,15 @@ class Probabilities:
         The sets with their scores; candidates from ``count`` on are unexplained structure.
     candidates:
         The candidates of the catalogue.
+    processes:
+        Smooth errors of no known form that stand in the noise instead, with their sets.
     behind:
         Sets with an effect behind the others.
     """
 
     search: Search
     candidates: Candidates
+    processes: Sequence[Beside] = ()
     behind: Sequence[Behind] = ()
 
     def with_behind(self, behind: Sequence[Behind]) -> Probabilities:
@@ -122,18 +133,25 @@ class Probabilities:
 
         None is empty.
         """
-        near = {_mask(f.members) for f in self.search.found}
+        best = min(f.score for f in self.known.values()) + self.search.within
+        near = {mask for mask, f in self.known.items() if mask and f.score <= best}
         least = max((self._weights.get(m, 0.0) for m in near), default=math.inf) / NEAR_ODDS
-        more = {m for m, w in self._weights.items() if m in self.search.known and w > least}
+        more = {m for m, w in self._weights.items() if m in self.known and w > least}
         # Sets that explain the same are ordered by the catalogue, not by rounding.
         ranked = [
             (m not in near, -round(self._weights.get(m, 0.0), SCORE_DIGITS), m)
             for m in near | more
             if m
         ]
-        found = self.search.known
+        found = self.known
         ranked.sort(key=lambda one: (*one[:2], found[one[2]].score))
         return [found[m] for *_, m in ranked]
+
+    @cached_property
+    def unnamed(self) -> float:
+        """Probability that structure without a name acts, alone or beside causes."""
+        every = sum(self._weights.values())
+        return sum(w for m, w in self._weights.items() if m > self._catalogue) / every
 
     def of_noise(self, named: Found) -> float:
         """How many times as probable as a set it is that nothing acts, no structure either."""
@@ -179,9 +197,28 @@ class Probabilities:
     @cached_property
     def _weights(self) -> dict[int, float]:
         """Odds of each set against the best one, by its mask."""
-        odds = Evidence(self.search, self.candidates.count).odds
+        values = dict(Evidence(self.search, self.candidates.count).values)
+        for bit, one in self._beside():
+            own = Evidence(one.search, self.candidates.count).values
+            values |= {mask | bit: value + one.cost for mask, value in own.items()}
+        least = min(values.values(), default=0.0)
         # with too few readings nothing is known of any set, and no cause is named
-        return {mask: math.exp(-value / 2) for mask, value in odds.items()} or {0: 1.0}
+        return {mask: math.exp((least - value) / 2) for mask, value in values.items()} or {0: 1.0}
+
+    def _beside(self) -> Iterator[tuple[int, Beside]]:
+        """Processes with their bits in the mask of a set, those after all candidates."""
+        first = self.search.c.count
+        return ((1 << j, one) for j, one in enumerate(self.processes, first))
+
+    @cached_property
+    def known(self) -> dict[int, Found]:
+        """Sets near the best with their scores, by their masks; processes are members, too."""
+        out = dict(self.search.known)
+        for bit, one in self._beside():
+            own = frozenset({bit.bit_length() - 1})
+            for mask, f in one.search.known.items():
+                out[mask | bit] = replace(f, members=f.members | own, score=f.score + one.cost)
+        return out
 
     def _unseen(self) -> Iterator[tuple[int, float]]:
         """Sets with one or two more causes that they hide, and their weights."""

@@ -26,6 +26,7 @@ from trunnion.diagnosis.columns import (
 )
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.model import Covariate, Model
+from trunnion.diagnosis.smooth import polynomials
 from trunnion.diagnosis.whitening import Scaling, Whiten, identity
 
 SCAN_LEVEL = 0.01
@@ -35,6 +36,7 @@ MAX_CLASSES = 512
 HARMONICS = 6
 DEGREE = 4
 MAX_ARC = 0.5  # of a turn that has polynomials: in more they jump where the angle begins anew
+MIN_DISTINCT = 5  # values of a quantity, of which a smooth function is more than a polynomial
 WAVES = 10
 WAVES_BETWEEN = np.array(
     [0.0, -0.25, -0.125, 0.125, 0.25]
@@ -156,6 +158,31 @@ class Dictionary:
                     self._keep(waiting.pop(key).made())
         for like in waiting.values():
             self._keep(like.made())
+
+    def smooth(self, most: int) -> list[Floats]:
+        """Polynomials, white, (n, m), of quantities that an error may be a smooth function of.
+
+        Each times each component; none if they are more than ``most``. No angle that comes round,
+        nor what goes with one: smooth functions of it are harmonics.
+        """
+        new = _saying(self._covariates, self._model.components, self._rows)
+        every = [x for x in new if len(x[3]) >= MIN_DISTINCT and not x[1]]
+        turns = [_ranks(x) for v, _, x, distinct, _ in every if not _straight(v, distinct)]
+        found: list[tuple[Floats, Floats]] = []
+        for v, _, values, distinct, enter in every:
+            own = _ranks(values)
+            turned = any(np.array_equal(t, x) for t in turns for x in (own, own.max() - own))
+            if _straight(v, distinct) and not turned and len(found) <= most:
+                known = 1.0 if v.known is None else v.known[self._rows]
+                functions = (polynomials(values, distinct).T * known).T
+                found += [(functions, c) for c in enter.values()]
+        return [self._white(f * c[:, None]) for f, c in found] if len(found) <= most else []
+
+    def _white(self, columns: Floats) -> Floats:
+        """Whiten columns of these readings."""
+        full = np.zeros((len(self._model.readings), columns.shape[1]))
+        full[self._rows] = columns
+        return np.asarray(self._whiten(full))[self._rows]
 
     def _serves(self, model: Model, rows: Integers, whiten: Whiten) -> bool:
         """Whether the functions are those of a dictionary with these weights."""
@@ -439,7 +466,7 @@ def _functions(
         yield "harmonic", list(orders), _waves(orders, turn)
     low, high = distinct[0], distinct[-1]
     x = 2 * (values - low) / (high - low) - 1
-    if v.period is None or high - low < MAX_ARC * v.period:
+    if _straight(v, distinct):
         top = min(DEGREE, len(distinct) - 1)
         legendre = np.polynomial.legendre.legvander(x, top).T
         for k in range(1, top + 1):
@@ -450,6 +477,16 @@ def _functions(
     if v.sequence:
         places = distinct[max(1, len(distinct) // JUMPS) :: max(1, len(distinct) // JUMPS)]
         yield "jump", list(places), (values >= places[:, None]).astype(float)[:, None]
+
+
+def _straight(v: Covariate, distinct: Floats) -> bool:
+    """Whether a quantity does not come round between its least and its largest value."""
+    return v.period is None or bool(distinct[-1] - distinct[0] < MAX_ARC * v.period)
+
+
+def _ranks(values: Floats) -> Integers:
+    """Rank of each value among those that are distinct."""
+    return np.asarray(np.unique(values, return_inverse=True)[1], dtype=np.intp).reshape(-1)
 
 
 def _waves(rates: Floats | Integers, x: Floats) -> Floats:

@@ -56,11 +56,8 @@ class Whiteners:
 
 
 @dataclass(frozen=True, eq=False)
-class Correlated:
+class Coloured:
     """Whiten noise of which some combinations of readings have more than a reading has.
-
-    Smooth errors of no known form make combinations that are smooth themselves (a scale, a bow)
-    uncertain. What is left beside these is taken as white: structure is looked for in it.
 
     Attributes
     ----------
@@ -68,19 +65,10 @@ class Correlated:
         The combinations, orthonormal, shape (n, k).
     more:
         Covariance that they have beside that of white noise of variance 1, shape (k, k).
-    note:
-        What is said of it.
-    groups:
-        Group of each reading for cross-validation, shape (n,).
-    cause:
-        Id of an effect without a name that was found and makes them; empty: none was.
     """
 
     basis: Floats
     more: Floats
-    note: str
-    groups: Integers
-    cause: str = ""
 
     @cached_property
     def _change(self) -> Floats:
@@ -93,6 +81,28 @@ class Correlated:
         return np.asarray(flat + self.basis @ (self._change @ (self.basis.T @ flat))).reshape(
             columns.shape
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Correlated(Coloured):
+    """Whiten noise of neighbours that err alike.
+
+    Smooth errors of no known form make combinations that are smooth themselves (a scale, a bow)
+    uncertain. What is left beside these is taken as white: structure is looked for in it.
+
+    Attributes
+    ----------
+    note:
+        What is said of it.
+    groups:
+        Group of each reading for cross-validation, shape (n,).
+    cause:
+        Id of an effect without a name that was found and makes them; empty: none was.
+    """
+
+    note: str
+    groups: Integers
+    cause: str = ""
 
     def shared(self, residuals: Floats) -> Floats:
         """Return what is expected to be theirs in residuals, shape (n,)."""

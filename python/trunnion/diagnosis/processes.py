@@ -1,0 +1,60 @@
+"""Smooth processes that may act instead of causes of the best set, or beside it."""
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+
+from trunnion.base.statistics import MANY_ROWS
+from trunnion.diagnosis.case import Case
+from trunnion.diagnosis.probability import Beside
+from trunnion.diagnosis.selection import REACH, WITHIN, Found, search
+from trunnion.diagnosis.smooth import Along, Process
+
+MAX_QUANTITIES = 6  # along which there may be a process: each is compared with sets by itself
+MAX_REPLACED = 5  # causes of a set, of which any number may be a process instead
+
+
+def processes(case: Case, best: Found) -> list[Beside]:
+    """Return smooth processes that may act instead of causes of the best set, or beside it.
+
+    A process is weighed as a cause is: it is one among all candidates, along one of the quantities.
+    """
+    c, plain = case.candidates, case.plain
+    every = case.dictionary.smooth(MAX_QUANTITIES) if len(case.rows) < MANY_ROWS else []
+    if not every:
+        return []
+    price = 2.0 * float(np.log(max(c.multiplicity, 1.0) * len(every)))
+    quantities = [Along(x, plain.basis, plain.white, case.floor) for x in every]
+    instead, beside = (
+        _likeliest(case, quantities, sets) for sets in (_replaced(best), [best.blocks])
+    )
+    found = [(instead, best.score + REACH), (beside, best.score + WITHIN)]
+    out = []
+    for (score, process), most in found[: 2 if best.blocks else 1]:
+        if score + price < most:
+            white = np.asarray(process.whiten(plain.white))
+            searched = search(c.whitened(process.whiten), white, floor=case.floor)
+            out.append(Beside(searched, process.cost + price))
+    return out
+
+
+def _replaced(best: Found) -> list[tuple[int, ...]]:
+    """Blocks of a set without some of its causes, and without all."""
+    blocks, count = best.blocks, len(best.blocks)
+    sizes = range(count) if count <= MAX_REPLACED else (0, count - 2, count - 1)
+    return [some for k in sizes for some in itertools.combinations(blocks, k)] or [()]
+
+
+def _likeliest(
+    case: Case, quantities: Sequence[Along], sets: Sequence[tuple[int, ...]]
+) -> tuple[float, Process]:
+    """Return the process that explains most beside one of some sets, and the score of both."""
+    c, found = case.candidates, []
+    for blocks in sets:
+        columns = [c.columns(b) for b in blocks] or [np.zeros((0, len(case.rows)))]
+        fitted = np.linalg.qr(np.concatenate(columns).astype(np.float64).T)[0]
+        paid = float(np.sum(c.penalty[list(blocks)]))
+        made = [q.beside(fitted) for q in quantities]
+        found += [(p.deviance + paid, p) for p in made]
+    return min(found, key=lambda one: one[0])
