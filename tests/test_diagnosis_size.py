@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 import trunnion as tn
 from power.measured_twin import make_sweep
 from trunnion.base.units import Floats
-from trunnion.diagnosis import candidates, case, classes
+from trunnion.diagnosis import candidates, classes, linearised
 from trunnion.diagnosis import columns as kept
 from trunnion.diagnosis.effect import Effect, Parameter, Values, periodic
 from trunnion.diagnosis.fit import fit
@@ -75,7 +75,7 @@ def test_many_readings_are_stored_in_single_precision_with_the_same_result(
     data = tn.Sweep(**make_sweep(5, hidden, targets=1).columns)
     usual = tn.diagnose(data)
     monkeypatch.setattr(kept, "MAX_DOUBLES", 0)
-    monkeypatch.setattr(case, "MAX_DOUBLES", 0)
+    monkeypatch.setattr(linearised, "MAX_DOUBLES", 0)
     monkeypatch.setattr(kept, "BATCH_NUMBERS", 2000)
     d = tn.diagnose(data)
     assert (d.verdict, d.alternatives) == (usual.verdict, usual.alternatives)
