@@ -77,6 +77,12 @@ class Doubt:
         rival = tuple(counted[int(row)] for row in np.argmax(squares, axis=0))
         return cls(mean + between, between, rival)
 
+    def beside(self, more: Floats) -> "Doubt":
+        """Return it with what else is in doubt, mean squares, shape (p + k, p + k)."""
+        if not more.any():
+            return self
+        return Doubt(self.covariance + more, self.between + more, self.rival)
+
 
 @dataclass(frozen=True)
 class _Estimate:

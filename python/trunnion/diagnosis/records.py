@@ -29,6 +29,8 @@ Verdict: TypeAlias = Literal["consistent", "explained", "ambiguous", "unexplaine
 MAX_PARAMETERS = 4  # of a cause: of more the largest is stated
 MIN_P = 0.001  # smaller ones are called so
 MAX_ROWS = 12  # of a table of readings
+MAX_WORST = 3  # errors that are stated to be in doubt
+MIN_DOUBT = 0.5  # of the uncertainty of such an error
 
 
 def chance(p: float) -> str:

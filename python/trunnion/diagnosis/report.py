@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from trunnion.base.report import uncertainty
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case, Explanation, kept_rows
@@ -20,6 +21,8 @@ from trunnion.diagnosis.linearised import Linearised
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.moments import moment_errors
 from trunnion.diagnosis.records import (
+    MAX_WORST,
+    MIN_DOUBT,
     Alternative,
     Cause,
     Gain,
@@ -32,7 +35,7 @@ from trunnion.diagnosis.records import (
 from trunnion.diagnosis.remaining import remaining
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scatter import Scatter
-from trunnion.diagnosis.structure import structure_of, with_structure
+from trunnion.diagnosis.structure import left_open, structure_of, with_structure
 from trunnion.diagnosis.unnoticed import Others, is_small, names_of, too_little, unnoticed_of
 from trunnion.diagnosis.whitening import correlated
 from trunnion.machine.budget import MODEL, Source, of_readings, root
@@ -114,14 +117,12 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     ``case``: of all readings.
     """
     e = with_behind(e)
-    model, f = case.model, e.fit
-    alternatives = _alternatives(case, e)
+    model, f, alternatives = case.model, e.fit, _alternatives(case, e)
     rows = np.flatnonzero(kept_rows(len(model.readings), dropped))
     kept = case.without(dropped)
     plain = kept.plain
     unexplained = remaining(kept, f, e.terms) or _unexplained(e)
-    if not alternatives:
-        f = plain
+    f = f if alternatives else plain
     verdict = _verdict(unexplained, kept, rows, plain, f, len(alternatives), len(dropped))
     kept, f, source = with_structure(kept, e, f)
     variance = float(case.floor.noise(f.rss, f.dof))
@@ -129,17 +130,21 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     left = f.residuals - kept.shared(f)
     gain = _gain(kept, rows, plain, f, left)
     growth = kept.growth(f, variance)
-    doubt = Doubt.of(kept, f, alternatives, variance, growth)
+    of_sets = Doubt.of(kept, f, alternatives, variance, growth)
+    open_ = left_open(kept, e, f, source, variance)
+    doubt = of_sets.beside(open_)
     grown = replace(f, covariance=f.covariance * np.outer(growth, growth))
     wide = replace(f, covariance=doubt.covariance)
     sigma = _sigma(model, variance, gain, len(rows) / max(f.dof, 1))
     std = _errors_std(model, wide, 1.0)
-    doubts, rivals = _doubts(model, doubt, alternatives, std)
+    doubts, rivals = _doubts(model, of_sets, alternatives, std)
     named = set(f.effects).union(*(a.causes for a in alternatives))
     lost = _absorbed(kept, e.candidates, std, grown)
     others = Others.of(kept, grown, variance) if std or is_small(kept) else None
     weak = unnoticed_of(kept, grown, std, others)
     contributions, ladder = contributions_of(kept, case.given or plain, grown, rows)
+    known = _uncertainty(kept, f, doubt, sigma, variance)
+    notes = (*_notes(case, variance, sigma), *_notes_of_causes(kept, f, variance))
     return Diagnosis(
         verdict=verdict,
         causes=_causes(case, e, grown, variance, wide, alternatives),
@@ -155,9 +160,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         outliers=tuple(sorted({int(r) for r in model.readings.rows[dropped]})),
         not_identifiable=_not_identifiable(case, plain, f, std) | lost,
         structure=structure_of(source, e, kept, f, wide),
-        model=kept.model.extended(
-            f.nuisance, f.effects, _uncertainty(kept, f, doubt, sigma, variance)
-        ),
+        model=kept.model.extended(f.nuisance, f.effects, known),
         p_value=e.alarm,
         sigma=sigma,
         nuisance_before=_by_name(model, case.plain),
@@ -167,7 +170,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         residuals=_residuals(kept.model, case.given or case.plain, f, left, rows),
         reservation=model.reservation,
         too_little=too_little(kept, others),
-        notes=(*_notes(case, variance, sigma), *_notes_of_causes(kept, f, variance)),
+        notes=(*_notes_of_structure(model, open_, std), *notes),
         contributions=contributions,
         ladder=ladder,
         none_probability=e.probabilities.none,
@@ -219,6 +222,19 @@ def _notes_of_causes(case: Case, f: Fit, variance: float) -> tuple[str, ...]:
         against = contradiction(name, f.effects[effect][parameter], std[k], one)
         said += [] if against is None else [against]
     return tuple(said)
+
+
+def _notes_of_structure(model: Model, left: Floats, std: Mapping[str, float]) -> tuple[str, ...]:
+    """Say of which errors of the machine unexplained structure is most of the uncertainty."""
+    shares = {
+        x.name: size / std[x.name]
+        for x, size in zip(model.nuisance, np.sqrt(np.diag(left)).tolist(), strict=False)
+        if size and np.isfinite(std.get(x.name, np.inf))
+    }
+    worst = [k for k in sorted(shares, key=lambda k: -shares[k]) if shares[k] > MIN_DOUBT]
+    units = {x.name: x.unit for x in model.nuisance}
+    said = ", ".join(f"{k} ± {with_unit(uncertainty(std[k]), units[k])}" for k in worst[:MAX_WORST])
+    return (f"Mostly what the unexplained structure leaves open: {said}.",) if said else ()
 
 
 def _sigma(model: Model, variance: float, gain: Gain, readings_a_freedom: float) -> float:

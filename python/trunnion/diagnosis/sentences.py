@@ -9,16 +9,22 @@ import numpy as np
 from trunnion.base.report import uncertainty
 from trunnion.base.units import unit_of
 from trunnion.diagnosis.contributions import largest_biases
-from trunnion.diagnosis.records import Cause, chance, labelled, percent, with_unit
+from trunnion.diagnosis.records import (
+    MAX_WORST,
+    MIN_DOUBT,
+    Cause,
+    chance,
+    labelled,
+    percent,
+    with_unit,
+)
 from trunnion.files.origin import places
 
 if TYPE_CHECKING:
     from trunnion.diagnosis.result import Diagnosis
 
 MAX_SETS = 6  # in a sentence
-MAX_WORST = 3  # errors that are stated to be in doubt
 WORTH_SAYING = 0.05  # probability of sets that are not listed
-MIN_DOUBT = 0.5  # of the uncertainty of such an error
 ROUNDING = 1e-9  # µm, arcsec: data without noise have standard errors of 0
 
 

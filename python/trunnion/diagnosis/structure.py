@@ -18,8 +18,11 @@ from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.formula import FormulaEffect
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.records import parameter_table, value_in_words
+from trunnion.diagnosis.scan import DEPENDENT
+from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 
+TINY = 1e-300
 WHY_NOT = "nobody has named what makes it"
 DISTINGUISHED = 2.0
 """How much wider structure may make the standard error of anything else, and be in the model."""
@@ -179,6 +182,47 @@ def _distinguished(without: Fit, found: Fit) -> bool:
     after = np.sqrt(np.diag(found.covariance))[: len(before)]
     known = np.isfinite(before) & (before > 0)
     return bool(np.all(after[known] <= DISTINGUISHED * before[known]))
+
+
+def left_open(
+    kept: Case, e: Explanation, f: Fit, source: FormulaEffect | None, variance: float
+) -> Floats:
+    """What structure leaves open of the parameters of a fit: mean squares, shape (p + k, p + k).
+
+    Structure that is stated and not fitted (``source``: None) may move them as if it were. What
+    depends on time has no known zero: errors of the machine are those at its mean, and may be off
+    by as much as is seen of it, as far as the readings do not tell (GUM, type B).
+    ``variance``: of a white reading.
+    """
+    if not e.terms or kept.dependent:
+        return np.zeros_like(f.covariance)
+    model, fitted = kept.model, source is not None
+    found = source or FormulaEffect.of_term(e.terms[0][0], model)
+    held, values = found.at_values(f.effects[found.id] if fitted else {})
+    effect = held.bound(model.data, model)
+    columns = effect.columns(effect.values(0.0 for _ in effect.parameters))
+    absorbed = f.covariance @ kept.white(f.jacobian).T
+    moved = np.zeros(len(f.covariance))
+    if fitted:
+        size = np.array(list(values.values()))
+    else:
+        white = kept.white(columns)
+        left = white - f.basis @ (f.basis.T @ white)
+        size = np.linalg.lstsq(left, f.white, rcond=float(np.sqrt(DEPENDENT)))[0]
+        moved = absorbed @ (white @ size)
+    out = np.outer(moved, moved)
+    if found.owner is not Owner.TIME or found.shape == "jump":
+        return out
+    enters = np.asarray(model.components.get(found.component, np.ones(len(columns))))
+    level = kept.white(enters)
+    seen = level - f.basis @ (f.basis.T @ level)
+    used = kept.rows[np.abs(enters[kept.rows]) > np.abs(enters).max() / 2]
+    largest = float(np.max(np.abs((columns @ size)[used] / enters[used]), initial=0.0))
+    weight = float(seen @ seen) / max(variance, TINY)
+    free = 1.0 / (weight + 1.0 / max(largest, TINY) ** 2)  # variance of the level
+    mean = free * float(seen @ f.white) / max(variance, TINY)
+    off = absorbed @ level
+    return np.asarray(out + np.outer(off, off) * (free + mean**2))
 
 
 def structure_of(

@@ -1,0 +1,65 @@
+"""Unexplained structure widens the errors that it stands for."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import trunnion as tn
+from power.study import ground
+from twin.forward import Truth
+from twin.generator import measure, random_errors, random_placement
+
+Floats = NDArray[np.float64]
+CURVES: dict[str, Callable[[Floats], Floats]] = {
+    "square root": np.sqrt,
+    "hump": lambda t: np.asarray(np.sin(np.pi * t) * np.exp(-2.0 * t)),
+    "sigmoid": lambda t: np.asarray(1.0 / (1.0 + np.exp(-12.0 * (t - 0.4)))),
+}
+
+
+def drifting(curve: str, plan: str, seed: int) -> tuple[tn.Touches, tn.Setup, Truth]:
+    """Touches of a machine that moves along X by 20 µm as a curve of time that begins at 0."""
+    rng = np.random.default_rng(seed)
+    truth = Truth(errors=random_errors(rng), placement=random_placement(rng), effects={})
+    made, setup, _, read = ground(plan)
+    measured = measure(made, setup, truth, noise_um=0.3, tick_um=0.1, seed=seed)
+    columns = {k: np.array(v) for k, v in measured.columns.items()}
+    moved_um = 20.0 * CURVES[curve](columns["time_s"] / columns["time_s"].max())
+    along = columns["dir_x"] * moved_um * 1e-3  # what of it a touch reads
+    for axis in "xyz":
+        columns[f"{axis}_mm"] -= along * columns[f"dir_{axis}"]
+    return tn.Touches(columns), read, truth
+
+
+@pytest.mark.parametrize("plan", ["paper", "rich"])
+@pytest.mark.parametrize("curve", CURVES)
+def test_a_curve_of_time_without_a_cause_is_in_the_standard_errors(curve: str, plan: str) -> None:
+    """EX0C is that of the mean of the curve, up to 13 µm off at the start."""
+    data, setup, truth = drifting(curve, plan, seed=11)
+    d = tn.diagnose(data, setup)
+    assert d.verdict == "unexplained"
+    for name, true in truth.errors.items():
+        assert abs(d.errors_after[name] - true) < 3.5 * d.errors_std[name], name
+    # what the curve does not touch is as well known as without it
+    assert d.errors_std["EY0C"] < 0.3
+    if np.isinf(d.errors_std["EX0C"]):
+        assert "EX0C" in d.not_identifiable
+        return
+    assert 1.0 < d.errors_std["EX0C"] < 20.0
+    assert d.model.std_errors["EX0C"] == d.errors_std["EX0C"]
+    assert "Mostly what the unexplained structure leaves open: EX0C ± " in d.summary()
+    assert "model selection" in d.budget(("EX0C",)).to_json()
+
+
+def test_a_cause_of_the_catalogue_leaves_nothing_open() -> None:
+    rng = np.random.default_rng(13)
+    effects = {"drift_x": {"rate_um_h": 20.0}}
+    truth = Truth(errors=random_errors(rng), placement=random_placement(rng), effects=effects)
+    made, twin, _, setup = ground("rich")
+    d = tn.diagnose(tn.Touches(measure(made, twin, truth, noise_um=0.3, seed=13).columns), setup)
+    fit = tn.identify(d.data, setup, effects=("drift_x",))
+    assert d.verdict == "explained"
+    assert d.errors_std["EX0C"] == pytest.approx(fit.std_errors["EX0C"], rel=1e-3)
+    assert not any("structure" in note for note in d.notes)
