@@ -127,6 +127,47 @@ def test_a_pass_that_was_copied_under_other_labels_counts_once() -> None:
     assert not any("repeat others" in note for note in real.notes)
 
 
+def repeated_touches(seed: int, runs: int, again_um: float, step_um: float) -> tn.Touches:
+    """Touches in runs that differ by so much noise, recorded in steps, each later than the last."""
+    setup, rng = tn.Setup(tn.Artefact("cross")), np.random.default_rng(seed)
+    once = tn.simulate(tn.plan(setup), setup, noise_um=0.3, seed=seed)
+    columns = {k: np.tile(np.array(v), runs) for k, v in once.columns.items()}
+    columns["time_s"] = np.cumsum(rng.uniform(5.0, 15.0, len(once) * runs))
+    off_um = again_um * rng.standard_normal(len(once) * runs)
+    for axis in "xyz":
+        moved = columns[f"{axis}_mm"] + 1e-3 * off_um * columns[f"dir_{axis}"]
+        columns[f"{axis}_mm"] = np.round(moved / (step_um * 1e-3)) * (step_um * 1e-3)
+    return tn.Touches(columns)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_touches_that_were_pasted_with_other_times_count_once(seed: int) -> None:
+    setup = tn.Setup(tn.Artefact("cross"))
+    five = repeated_touches(seed, 5, 0.0, 1e-4)
+    count = len(five) // 5
+    once, d = tn.diagnose(five[:count], setup), tn.diagnose(five, setup)
+    said = f"{4 * count} of {5 * count} rows repeat others in every column but time_s"
+    assert d.notes[0].startswith(said)
+    assert d.errors_std == pytest.approx(once.errors_std, rel=1e-6)
+    fit = tn.identify(five, setup)
+    assert fit.notes[0].startswith(said)
+    assert fit.std_errors == pytest.approx(tn.identify(five[:count], setup).std_errors)
+    # a part of a measurement, behind one that was made again
+    real = repeated_touches(seed, 2, 0.3, 0.1)
+    part = real[:40].with_columns(time_s=np.asarray(real.time_s)[:40] + 1e4)
+    both = tn.Touches.concatenate([real, part])
+    assert tn.diagnose(both, setup).notes[0].startswith(f"40 of {len(both)} rows repeat others")
+
+
+@pytest.mark.parametrize("step_um", [0.01, 0.1, 1.0])
+def test_touches_that_were_made_again_are_readings_of_their_own(step_um: float) -> None:
+    """Of readings in steps of three times their noise most agree by chance."""
+    setup = tn.Setup(tn.Artefact("cross"))
+    for seed in range(4):
+        d = tn.diagnose(repeated_touches(seed, 3, 0.3, step_um), setup)
+        assert not any("repeat others" in note for note in d.notes)
+
+
 @pytest.mark.parametrize("method", [tn.identify, tn.closed_form, tn.diagnose])
 def test_no_touches_are_refused(method: Callable[..., object]) -> None:
     setup = tn.Setup(tn.Artefact("cross"))

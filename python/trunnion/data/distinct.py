@@ -39,6 +39,7 @@ ALL_ALIKE = (
     "no repeatability."
 )
 _WHERE_PASTED = "in every column (pasted twice, or alike in steps?)"
+_WHERE_LATER = "in every column but time_s (pasted with other times, or alike in steps?)"
 
 
 class Distinct(NamedTuple):
@@ -68,6 +69,7 @@ def distinct_rows(data: Any) -> Distinct:
     stands_for = first
     for found, what in (
         (_once, _WHERE_PASTED),
+        (_with_other_times, _WHERE_LATER),
         (
             _without_copies,
             f"to the last digit under another {_label(data)} (copied, or alike in steps?)",
@@ -135,25 +137,59 @@ def _cycles(data: Table) -> int:
 
 def _once(data: Table) -> Integers:
     """Of each row the first that is as it is in every column."""
-    # Equal rows have equal sums, so distinct sums are those of distinct rows: one column to sort.
-    numbers = [v for v in data.columns.values() if v.dtype.kind in "fi"]
-    total = sum(np.sqrt(2.0 + i) * v for i, v in enumerate(numbers))
-    if len(np.unique(total)) == len(data):
-        return np.arange(len(data))
-    codes = [np.unique(v, return_inverse=True)[1].reshape(-1) for v in data.columns.values()]
-    table = np.column_stack(codes)
-    _, first, same = np.unique(table, axis=0, return_index=True, return_inverse=True)
-    original = np.asarray(first[same.reshape(-1)], dtype=np.intp)
+    original = _first_equal(list(data.columns.values()))
     return np.arange(len(data)) if _by_chance(data, original) else original
 
 
-def _by_chance(data: Table, original: Integers) -> bool:
+def _with_other_times(data: Table) -> Integers:
+    """Of each row of a run that repeats earlier rows one by one, but for times, that row.
+
+    A run as long as a block: of single readings in steps the same may be read again. Samples of a
+    log are told apart by their times.
+    """
+    rows = np.arange(len(data))
+    if "time_s" not in data.columns or data.kinds["time_s"].required:
+        return rows
+    first = _first_equal([v for name, v in data.columns.items() if name != "time_s"])
+    again = np.flatnonzero(first != rows)
+    if len(again) < MIN_COPIED:
+        return rows
+    at, run, runs = -1, list[int](), list[list[int]]()  # the row that was repeated last
+    for row in again.tolist():
+        follows = bool(run) and row == run[-1] + 1 and first[at + 1] == first[row]
+        if not follows:
+            run = []
+            runs.append(run)
+        at = at + 1 if follows else int(first[row])
+        run.append(row)
+    original = rows.copy()
+    for run in runs:
+        if len(run) >= MIN_COPIED:
+            original[run] = first[run]
+    return rows if _by_chance(data, original, "time_s") else original
+
+
+def _first_equal(columns: Sequence[NDArray[Any]]) -> Integers:
+    """Of each row the first that is as it is in every column."""
+    # Equal rows have equal sums, so distinct sums are those of distinct rows: one column to sort.
+    numbers = [v for v in columns if v.dtype.kind in "fi"]
+    total = np.asarray(sum(np.sqrt(2.0 + i) * v for i, v in enumerate(numbers)))
+    if len(np.unique(total)) == len(columns[0]):
+        return np.arange(len(columns[0]))
+    codes = [np.unique(v, return_inverse=True)[1].reshape(-1) for v in columns]
+    table = np.column_stack(codes)
+    _, first, same = np.unique(table, axis=0, return_index=True, return_inverse=True)
+    return np.asarray(first[same.reshape(-1)], dtype=np.intp)
+
+
+def _by_chance(data: Table, original: Integers, but: str = "") -> bool:
     """Whether honest repeats of readings in steps would agree as often as these rows do.
 
-    original: Of each row the first that is as it is in every column.
+    original: Of each row the first that is as it is in every column, ``but`` this one.
     """
     rows, readings = np.arange(len(data)), data.readings
-    given = [v for name, v in data.columns.items() if name in data.kinds and name not in readings]
+    known = [name for name in data.columns if name in data.kinds and name != but]
+    given = [data.columns[name] for name in known if name not in readings]
     if not readings or not given:
         return False
     command, first = equal_rows([np.unique(v, return_inverse=True)[1].reshape(-1) for v in given])
