@@ -89,6 +89,12 @@ def test_touches_that_belong_to_no_model_are_refused() -> None:
     far[4] += 7.0
     with pytest.raises(tn.DataError, match=r"row 4 lies 7.000 mm from the modelled surface"):
         tn.identify(data.with_columns(z_mm=far), CROSS)
+    level = np.flatnonzero((np.abs(data.rotary_deg["a"]) < 1e-9) & (np.abs(data.dir_z) < 1e-9))
+    row, over = int(level[0]), data.z_mm.copy()
+    over[row] = 25.0 + 1.0 + 6.0  # the top, the ball's radius
+    said = rf"row {row} with the ball at \(.*, 32\.000\) mm .* passes .* at 6\.000 mm"
+    with pytest.raises(tn.DataError, match=said):
+        tn.identify(data.with_columns(z_mm=over), CROSS)
     with pytest.raises(tn.DataError, match=r"13 touches and 0 priors for 14 parameters"):
         tn.identify(data[:13], CROSS)
     with pytest.raises(tn.DataError, match=r"b_deg|a_deg"):

@@ -11,6 +11,10 @@ use crate::machine::{Component, Frames, MAX_ROTARY, Machine, Place, Places, Post
 use crate::moves::Moves;
 use crate::pose::Direction;
 
+/// Between what gaps it is sought by how much a line misses the artefact, mm.
+const SMALLEST_GAP_MM: f64 = 1e-4;
+const LARGEST_GAP_MM: f64 = 1e5;
+
 /// Goes through touches row by row and keeps what rows share while the axes stand still.
 pub struct Evaluator<'a> {
     model: &'a TouchModel,
@@ -145,6 +149,39 @@ impl<'a> Evaluator<'a> {
         let direction = Moves::vector(self.moves.direction, row);
         let pose = self.pose(row, false)?;
         pose.solid.first_contact(&pose.line(&point, &direction), pose.radius, search)
+    }
+
+    /// Recorded centre of the ball of a row, mm.
+    pub(super) fn point(&self, row: usize) -> Vector3<f64> {
+        Moves::vector(self.moves.point, row)
+    }
+
+    /// How far from the artefact the ball passes that misses it, mm: by how much a larger ball
+    /// would touch. `None` where none does, as in a ring.
+    pub(super) fn gap(&mut self, row: usize) -> Option<f64> {
+        let point = self.point(row);
+        let direction = Moves::vector(self.moves.direction, row);
+        let pose = self.pose(row, false)?;
+        let line = pose.line(&point, &direction);
+        let touches = |gap: f64| {
+            pose.solid.first_contact(&line, pose.radius + gap, Search::Nearest).is_some()
+        };
+        let (mut missed, mut touched) = (0.0, SMALLEST_GAP_MM);
+        while !touches(touched) {
+            (missed, touched) = (touched, 2.0 * touched);
+            if touched > LARGEST_GAP_MM {
+                return None;
+            }
+        }
+        while touched - missed > SMALLEST_GAP_MM {
+            let middle = f64::midpoint(missed, touched);
+            if touches(middle) {
+                touched = middle;
+            } else {
+                missed = middle;
+            }
+        }
+        Some(touched)
     }
 
     /// Predicted minus recorded coordinate along the approach, mm.

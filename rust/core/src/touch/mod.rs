@@ -299,7 +299,8 @@ impl TouchModel {
     pub fn deviations_near(&self, moves: &Moves, values: &[f64], out: &mut [f64]) -> Result<()> {
         let mut evaluator = self.evaluator(moves, values);
         for (row, slot) in out.iter_mut().enumerate() {
-            *slot = near(row, evaluator.deviation(row))?;
+            let deviation = evaluator.deviation(row);
+            *slot = near(&mut evaluator, row, deviation)?;
         }
         Ok(())
     }
@@ -319,7 +320,8 @@ impl TouchModel {
         let mut evaluator = self.evaluator(moves, values);
         let rows = jacobian.chunks_exact_mut(self.parameter_count());
         for (row, (slot, gradient)) in deviations.iter_mut().zip(rows).enumerate() {
-            *slot = near(row, evaluator.gradient(row, gradient))?;
+            let deviation = evaluator.gradient(row, gradient);
+            *slot = near(&mut evaluator, row, deviation)?;
         }
         Ok(())
     }
@@ -349,7 +351,8 @@ impl TouchModel {
                 let each = values.iter().zip(&constants).zip(all.chunks_exact_mut(columns.len()));
                 for ((values, constant), own) in each {
                     evaluator.take(values, constant);
-                    near(row, evaluator.gradient(row, &mut gradient))?;
+                    let deviation = evaluator.gradient(row, &mut gradient);
+                    near(&mut evaluator, row, deviation)?;
                     own.iter_mut()
                         .zip(columns)
                         .for_each(|(slot, &column)| *slot = gradient[column]);
@@ -369,16 +372,27 @@ impl TouchModel {
     /// As [`TouchModel::deviations_near`].
     pub fn check_surface(&self, moves: &Moves, values: &[f64]) -> Result<()> {
         let mut evaluator = self.evaluator(moves, values);
-        (0..moves.len()).try_for_each(|row| near(row, evaluator.deviation(row)).map(drop))
+        (0..moves.len()).try_for_each(|row| {
+            let deviation = evaluator.deviation(row);
+            near(&mut evaluator, row, deviation).map(drop)
+        })
     }
 }
 
 /// The deviation of a row that lies near the modelled surface.
-fn near(row: usize, deviation: Option<f64>) -> Result<f64> {
+fn near(evaluator: &mut Evaluator, row: usize, deviation: Option<f64>) -> Result<f64> {
     let problem = match deviation {
         Some(deviation) if deviation.abs() <= MAX_OFF_SURFACE_MM => return Ok(deviation),
         Some(deviation) => format!("lies {:.3} mm from the modelled surface", deviation.abs()),
-        None => "moves along a line that misses the modelled artefact".to_owned(),
+        None => {
+            let ball = evaluator.point(row);
+            let gap = evaluator.gap(row).map_or_else(
+                || "misses the modelled artefact".to_owned(),
+                |gap| format!("passes the modelled artefact at {gap:.3} mm"),
+            );
+            let place = format!("({:.3}, {:.3}, {:.3}) mm", ball.x, ball.y, ball.z);
+            format!("with the ball at {place} moves along a line that {gap}")
+        }
     };
     Err(Error::Data(format!(
         "touch in row {row} {problem}; expected at most {MAX_OFF_SURFACE_MM} mm: check the \
