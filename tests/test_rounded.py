@@ -63,6 +63,17 @@ def test_readings_that_are_not_used_say_nothing() -> None:
     np.testing.assert_allclose(places[0].at, places[1].at, atol=1e-6)
 
 
+@pytest.mark.parametrize("size", [1e3, 1e4, 1e5])
+def test_a_machine_far_from_its_readings_is_as_certain_as_its_noise_says(size: float) -> None:
+    """Each reading says as much as one without steps, 1 / noise², thousands of steps off, too."""
+    row, one = np.linspace(-1, 1, 60), np.ones(60)
+    jacobian = np.stack([one, row], axis=1)
+    far = size * np.where(np.arange(60) % 4 < 2, 1.0, -1.0)
+    place = place_of(far, jacobian, covariance_of(jacobian), one, one, 0.05)
+    expected = place.off.T @ place.off / 0.05**2
+    np.testing.assert_allclose(place.information, expected, rtol=0.01, atol=0.5)
+
+
 def test_sound_machines_are_found_sound_without_noise() -> None:
     """Wrong were 3, 4 and 10 of 100 while machines were drawn about the fit."""
     names = [n for n in ROWS if n.startswith(("plate of 49", "axis of 11", "ball-bar"))]

@@ -18,7 +18,7 @@ probable (by Laplace's method).
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import log_ndtr
+from scipy.special import erfcx, log_ndtr
 
 from trunnion.base.units import Floats
 
@@ -34,7 +34,7 @@ SETTLED = 1e-6  # of ln P
 SUFFICIENT = 1e-4  # share of the rise that is promised
 SAME = 1e-14  # of the largest eigenvalue of a covariance: rounding
 MIN_EXPONENT = -1e-12
-LOG_NORMAL = -0.5 * float(np.log(2 * np.pi))
+HAZARD = float(np.sqrt(2.0 / np.pi))
 
 
 @dataclass(frozen=True)
@@ -155,9 +155,10 @@ def _of_readings(off: Floats, half: Floats, noise: float) -> tuple[Floats, Float
     """Log of P of each reading, its derivative by u, and less the second one, shapes (n,)."""
     low, high = (np.abs(off) - half) / noise, (np.abs(off) + half) / noise
     above, beyond = log_ndtr(-low), log_ndtr(-high)
-    log = above + np.log1p(-np.exp(np.minimum(beyond - above, MIN_EXPONENT)))
-    at_low = np.exp(LOG_NORMAL - low**2 / 2 - log)
-    at_high = np.exp(LOG_NORMAL - high**2 / 2 - log)
+    inside = -np.expm1(np.minimum(beyond - above, MIN_EXPONENT))
+    # Densities over P: differences of logarithms say nothing of them far off.
+    at_low = HAZARD / erfcx(low / np.sqrt(2.0)) / inside
+    at_high = at_low * np.exp((low - high) * (low + high) / 2)
     slope = (at_high - at_low) / noise
-    curvature = slope**2 - (low * at_low - high * at_high) / noise**2
-    return log, np.sign(off) * slope, np.maximum(curvature, 0.0)
+    curvature = at_low * (at_low - low) + at_high * (high + at_high - 2.0 * at_low)
+    return above + np.log(inside), np.sign(off) * slope, np.maximum(curvature / noise**2, 0.0)

@@ -162,9 +162,18 @@ class Candidates:
         """Return these candidates where the noise beside the basis is to be whitened so."""
         new = copy(self)
         columns = np.asarray(whiten(np.concatenate([part[:] for part in self._parts]).T)).T
-        for k, _, at in self.by_rank:
-            if k:
-                columns[at] = np.linalg.qr(columns[at].swapaxes(1, 2))[0].swapaxes(1, 2)
+        left = np.ones(len(self.owner))  # of the length of a column, mean of a block
+        for _, blocks, at in self.by_rank:
+            q, r = np.linalg.qr(columns[at].swapaxes(1, 2))
+            length = np.diagonal(r, axis1=1, axis2=2)
+            # A column keeps its direction: a negative size may say nothing.
+            columns[at] = (q * np.sign(length)[:, None]).swapaxes(1, 2)
+            left[blocks] = np.abs(length).mean(axis=1)
+        new.stated = {
+            j: std * float(left[self.owner == j].mean())
+            for j, std in self.stated.items()
+            if j in self.owner
+        }
         new._parts, new._ends = (columns,), [len(columns)]
         new._gram_rows, new._last, new._known = {}, None, None
         return new

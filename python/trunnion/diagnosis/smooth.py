@@ -126,6 +126,6 @@ def _alike(x: Floats) -> Iterator[Floats]:
 def _orthonormal(gram: Floats) -> tuple[Floats, Floats]:
     """What makes columns of inner products (m, m) orthonormal (m, k), and them of these (k, m)."""
     w, v = np.linalg.eigh(gram)
-    kept = w > SEEN * max(float(w[-1]), TINY)
+    kept = w > SEEN * w.max(initial=TINY)
     size = np.sqrt(w[kept])
     return v[:, kept] / size, size[:, None] * v[:, kept].T
