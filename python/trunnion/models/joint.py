@@ -39,7 +39,7 @@ from trunnion.setup.names import shared_label
 
 UNIT_NAMES = {"µm": "um"}  # in names of parameters
 SAME_SIZE_MM = 0.5  # of instruments: nominal sizes that differ by less are one
-STANDARD = "without a standard it is not told from the length of the instrument"
+STANDARD = "without a standard it cannot be distinguished from the length of the instrument"
 
 
 @dataclass(frozen=True)
