@@ -18,7 +18,8 @@ from measured import FOLDER, needs_files
 from trunnion import datasets
 from trunnion.base.units import unit_of
 from trunnion.contouring import Servo
-from trunnion.data.mistaken import in_radians, size_notes
+from trunnion.data.mistaken import size_notes
+from trunnion.data.whole import in_inches, in_radians
 from trunnion.files.table import Table
 from trunnion.models import examples
 from trunnion.models.kinds import kinds, model_of
@@ -54,6 +55,11 @@ REFUSED: list[tuple[str, Callable[[Made], Made], str]] = [
         "a_deg and c_deg are in radians",
     ),
     ("hybrid_ballbar", lambda m: times(m, 1e3, "mm", readings=True), "length_mm is in µm"),
+    (
+        "rotary_bars",
+        lambda m: times(m, 180 / np.pi, "deg", readings=False, positions=True),
+        "a_deg and c_deg are in degrees but were taken for radians",
+    ),
     ("diameters", lambda m: times(m, 25.4, "mm", readings=False, positions=True), "for inches"),
     ("diameters", lambda m: times(m, 1e3, "mm", readings=False, positions=True), "z_mm is in µm"),
 ]
@@ -88,6 +94,68 @@ def test_deviations_in_place_of_positions_are_named() -> None:
     stops, _ = examples.positioning()
     with pytest.raises(tn.DataError, match="are these deviations from the target"):
         model_of(stops.with_columns(measured_mm=stops["measured_mm"] - stops["target_mm"]))
+
+
+def ball_bar(deviation_mm: float, factor: float) -> tn.Ballbar:
+    """A circle of a bar of 120 mm in a tilted plane, off its centre, with deviations as lengths."""
+    rng = np.random.default_rng(6)
+    turn = np.linspace(0.0, 2 * np.pi, 90, endpoint=False)
+    first, second = np.linalg.qr(rng.normal(size=(3, 2)))[0].T
+    place = 120.0 * (np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * second) + [30, -5, 80]
+    off = deviation_mm + 0.02 * np.sin(turn) + 0.006 * np.cos(2 * turn) + rng.normal(0, 3e-4, 90)
+    x, y, z = place.T
+    columns: dict[str, Any] = {"setup": ["1"] * 90, "x_mm": x, "y_mm": y, "z_mm": z}
+    return tn.Ballbar(**columns, length_mm=factor * off, feed_mm_min=np.full(90, 1000.0))
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1.0, "mm"), (1e3, "µm")])
+def test_deviations_in_place_of_the_lengths_of_a_ball_bar_are_named(
+    factor: float, unit: str
+) -> None:
+    with pytest.raises(tn.InputError, match="are these deviations"):
+        ball_bar(0.0, factor)
+    with pytest.raises(tn.DataError) as refused:  # all above 0
+        model_of(ball_bar(0.05, factor))
+    said = f"length_mm holds deviations from the nominal length in {unit}."
+    assert str(refused.value).endswith(said)
+    assert str(refused.value).count(" if ") == 1
+
+
+def test_one_length_below_0_is_a_slip() -> None:
+    columns: dict[str, Any] = {"setup": ["1"] * 20, "x_mm": range(20), "y_mm": range(20)}
+    with pytest.raises(tn.InputError, match=r"above 0$"):
+        tn.Ballbar(**columns, length_mm=[-100.0] + [100.0] * 19)
+
+
+@pytest.mark.parametrize("factor", [25.4, 10.0, 1e3, 1e-3, 1 / 25.4])
+def test_lengths_in_another_unit_are_no_deviations(factor: float) -> None:
+    data, setup = examples.ballbar()
+    with pytest.raises(tn.DataError, match="Likely cause") as refused:
+        model_of(data.with_columns(length_mm=factor * data["length_mm"]), setup)
+    assert "deviations" not in str(refused.value)
+
+
+@pytest.mark.parametrize("scale_ppm", [0.0, 39.4, -120.0, 1000.0])
+@pytest.mark.parametrize("suffix", ["mm", "deg"])
+def test_deviations_in_um_or_arcsec_in_place_of_positions_of_an_axis_are_named(
+    suffix: str, scale_ppm: float
+) -> None:
+    rng = np.random.default_rng(8)
+    target = np.tile(np.linspace(3.0, 340.0, 11), 10)
+    direction = np.repeat(np.tile([1, -1], 5), 11)
+    deviation = 1e-3 * scale_ppm * target + 5 * np.sin(target / 50) + 2.0 * direction
+    columns = {
+        f"target_{suffix}": target,
+        f"measured_{suffix}": deviation + rng.normal(0.0, 0.5, 110),
+        "direction": direction,
+        "cycle": np.repeat(np.arange(1, 6), 22),
+    }
+    data = tn.Positioning(columns)
+    said = {"mm": "in µm?.*deviation / 1000", "deg": "in arcsec?.*deviation / 3600"}[suffix]
+    with pytest.raises(tn.DataError, match=said.replace("?", r"\?")):
+        model_of(data)
+    with pytest.raises(tn.DataError, match="are these deviations"):
+        data.iso230_2()
 
 
 @pytest.mark.parametrize("axis", ["a_deg", "c_deg", "y_mm"])
@@ -179,6 +247,13 @@ def test_a_scale_far_from_the_zero_of_an_axis_is_among_the_sets() -> None:
 
 SIZES: list[tuple[str, str, float, bool, bool, str]] = [
     ("diameters", "µm", 0.01, True, False, "error_um: values differ by"),
+    ("diameters", "µm", 1 / 25400, True, False, "are these inches (25400 times as large in µm)"),
+    ("diameters", "mm", 1 / 25.4, False, True, "z_mm: 0.19685, 0.3937"),
+    ("rotary_test", "µm", 1 / 254, True, False, "or inches (25400 times)"),
+    ("levels", "mm", 1e-3, False, True, "position_mm: values reach 1.2 mm at most: are these m"),
+    ("levels", "mm", 1 / 25.4, False, True, "are these inches"),
+    ("surface_levels", "mm", 1 / 25.4, False, True, "are these inches"),
+    ("positioning", "mm", 1 / 25.4, True, True, "target_mm: "),
     ("rotary_test", "µm", 1e-3, True, False, "are these mm (1000 times as large in µm)"),
     ("levels", "µm/m", 1e-3, True, False, "are these mm/m"),
     ("levels", "µm/m", 1e-6, True, False, "are these radians"),
@@ -268,6 +343,22 @@ def test_another_place_of_a_ball_is_no_unit() -> None:
         model_of(data, off)
     assert "are in" not in str(refused.value)
     assert "too large" not in str(refused.value)
+
+
+def test_round_positions_and_those_of_inches_are_not_taken_for_inches() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(2000):
+        step = rng.choice([0.1, 0.25, 0.4, 1.0, 2.5, 5.0, 12.5, 100 / 3, 100 / 7, 25.4, 3.175])
+        start = rng.choice([0.0, 0.5, 1.0, step / 2, rng.uniform(0.0, 100.0)])
+        grid = start + step * np.arange(rng.integers(3, 40))
+        digits = rng.integers(2, 6)
+        assert not in_inches([np.round(grid, digits)])
+        assert not in_inches([np.round(rng.uniform(-300, 300, rng.integers(3, 40)), digits)])
+        turn = 2 * np.pi * np.arange(rng.integers(3, 40)) / rng.integers(3, 40)
+        radius = rng.choice([50.0, 100.0, 150.0])
+        assert not in_inches([radius * np.cos(turn), radius * np.sin(turn)])
+    for step in (0.1, 1.0, 2.5, 7.0, 50.0):
+        assert in_inches([np.round(step * np.arange(1, 12) / 25.4, 4)])
 
 
 def test_degrees_are_not_taken_for_radians() -> None:

@@ -47,6 +47,7 @@ class Levels(Table):
     """
 
     choice = "position_mm or x_mm, y_mm; along_um_m, across_um_m or both"
+    smallest_mm = 20.0  # a level stands on feet farther apart
 
     position_mm = OptionalNumber("place along a line", commanded=True)
     x_mm = OptionalNumber("place on a grid", commanded=True)

@@ -15,6 +15,7 @@ import numpy as np
 
 from trunnion.base.errors import DataError, KinematicsError, TrunnionError
 from trunnion.base.units import unit_of
+from trunnion.data.deviations import from_deviations
 from trunnion.data.mistaken import factors, listed
 from trunnion.files.table import Table
 from trunnion.setup import Machine, Setup
@@ -120,7 +121,8 @@ def guesses(data: Table, setup: Any) -> Iterator[Guess]:
     for names in (tuple(data.readings), tuple(data.set_positions)):
         yield from _scaled(data, setup, names)
     yield from _scaled(data, setup, (*data.readings, *data.set_positions), both=True)
-    yield from _deviations(data, setup)
+    for text, meant, factor in from_deviations(data):
+        yield Guess(text, meant, setup, factor)
     for name in (*data.set_positions, *data.readings):
         with suppress(TrunnionError):
             meant = data.with_columns(**{name: -data[name]})
@@ -172,17 +174,6 @@ def _smaller_is_told(data: Table, names: Sequence[str]) -> bool:
     tied = any(unit_of(name) == unit for name in others)
     size = max(float(np.abs(data[name]).max()) for name in names)
     return not set(names) & set(data.readings) or tied or size > TOO_LARGE.get(unit, np.inf)
-
-
-def _deviations(data: Table, setup: Any) -> Iterator[Guess]:
-    """Readings are deviations from set positions, not positions."""
-    pairs = {n: f"nominal_{n}" for n in data.readings if f"nominal_{n}" in data.set_positions}
-    if not pairs:
-        return
-    for unit, factor in (("mm", 1.0), ("µm", 1e-3)):
-        meant = data.with_columns(**{n: data[p] + factor * data[n] for n, p in pairs.items()})
-        text = f"if {listed(pairs)} are deviations from the nominal places in {unit}"
-        yield Guess(text, meant, setup, factor)
 
 
 def _sense(name: str) -> str:

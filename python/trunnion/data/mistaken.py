@@ -1,7 +1,8 @@
 """Data in another unit than their columns declare, known by the size of what they hold.
 
 A sentence says what is likely meant, with the factor; no number is changed. What is in another unit
-throughout, inches for mm, is a machine of another size: nothing says it.
+throughout, inches for mm, is a machine of another size: nothing says it, unless the positions were
+round in mm.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trunnion.base.units import Floats, unit_of
+from trunnion.data.whole import in_inches, in_radians
 from trunnion.files.table import Table
 
 FACTORS_MM = {
@@ -29,14 +31,15 @@ _FACTORS: Mapping[str, Mapping[str, float]] = {
     "mm": FACTORS_MM,
     "µm": {"are in mm": 1e3, "are 1000 times too large": 1e-3},
     "µm/m": {"are in mm/m": 1e3, "are in radians": 1e6},
-    "deg": {"are in radians": float(np.degrees(1.0))},
+    "deg": {
+        "are in radians": float(np.degrees(1.0)),
+        "are in degrees but were taken for radians": float(np.radians(1.0)),
+    },
 }
 """Declared unit → what its columns may be by which they are wrong, and what takes them there."""
 
-MIN_WHOLE = 3
-"""Whole degrees among different positions, from which on they are taken for converted ones."""
-WHOLE_DEG = 0.01  # what four decimals of a radian leave
-MIN_DEG = 0.5
+MAX_SHOWN = 3
+"""Positions that a sentence has as examples."""
 
 
 @dataclass(frozen=True)
@@ -52,15 +55,27 @@ class Sizes:
     spread: bool
 
 
+IN_M = Sizes(1e-6, 1.0, "are these m (1000 times as large in mm)", spread=False)
+"""Its limit is by the kind of data (`Table.smallest_mm`)."""
+
 _SIZES: Mapping[str, tuple[Sizes, ...]] = {
-    "µm": (Sizes(1e-3, 0.3, "are these mm (1000 times as large in µm)", spread=True),),
+    "µm": (
+        Sizes(4e-5, 1e-3, "are these inches (25400 times as large in µm)", spread=True),
+        Sizes(
+            1e-3,
+            0.02,
+            "are these mm (1000 times as large in µm) or inches (25400 times)",
+            spread=True,
+        ),
+        Sizes(0.02, 0.3, "are these mm (1000 times as large in µm)", spread=True),
+    ),
     "µm/m": (
         Sizes(1e-7, 1e-3, "are these radians (10⁶ times as large in µm/m)", spread=True),
         Sizes(1e-3, 0.3, "are these mm/m (1000 times as large in µm/m)", spread=True),
         Sizes(2e4, np.inf, "are these µm/m already, made 1000 times too large", spread=True),
     ),
     "mm": (
-        Sizes(1e-6, 1.0, "are these m (1000 times as large in mm)", spread=False),
+        IN_M,
         Sizes(6e4, np.inf, "are these µm (1000 times as small in mm)", spread=False),
     ),
 }
@@ -81,7 +96,11 @@ def size_notes(data: Any) -> tuple[str, ...]:
         by_unit.setdefault(unit_of(name), {})[name] = values
     if data.slight_moves:
         by_unit.pop("mm", None)
-    said = [_asked(unit, some) for unit, some in by_unit.items()]
+    said = [_asked(unit, some, data.smallest_mm) for unit, some in by_unit.items()]
+    places = {n: v for n, v in data.set_positions.items() if n in by_unit.get("mm", {})}
+    if in_inches(places.values()):
+        shown = _shown(np.concatenate([*places.values()]))
+        said.append(f"{listed(places)}: {shown}: are these inches? They are round in mm then.")
     said += [
         f"{name}: {_shown(values)}: are these radians (57.3 times as large in degrees)?"
         for name, values in data.set_positions.items()
@@ -95,25 +114,18 @@ def factors(unit: str) -> Mapping[str, float]:
     return _FACTORS.get(unit, {})
 
 
-def _asked(unit: str, columns: Mapping[str, Floats]) -> str:
-    """Ask about columns of one unit; empty: their size is as it should be."""
+def _asked(unit: str, columns: Mapping[str, Floats], smallest_mm: float) -> str:
+    """Ask about columns of one unit; empty: their size is as it should be.
+
+    smallest_mm: Below this no positions of the kind are all.
+    """
     for sizes in _SIZES.get(unit, ()):
         size = max(float(np.ptp(v) if sizes.spread else np.abs(v).max()) for v in columns.values())
-        if sizes.least <= size < sizes.limit:
+        limit = smallest_mm if sizes is IN_M else sizes.limit
+        if sizes.least <= size < limit:
             how = "differ by" if sizes.spread else "reach"
             return f"{listed(columns)}: values {how} {size:.3g} {unit} at most: {sizes.meant}?"
     return ""
-
-
-def in_radians(values: NDArray[Any]) -> bool:
-    """Whether positions are whole degrees when taken for radians, and not as they are."""
-    distinct = np.unique(np.abs(values))
-    degrees = np.degrees(distinct[distinct > np.radians(MIN_DEG)])
-    if len(degrees) < MIN_WHOLE or len(degrees) < len(distinct) - 1:
-        return False
-    whole = np.abs(degrees - np.round(degrees)) < WHOLE_DEG
-    as_given = np.abs(distinct - np.round(distinct, 2)) < 1e-9
-    return bool(whole.all() and not as_given.all())
 
 
 def listed(names: Iterable[str]) -> str:
@@ -123,5 +135,5 @@ def listed(names: Iterable[str]) -> str:
 
 
 def _shown(values: NDArray[Any]) -> str:
-    some = np.unique(values)[:MIN_WHOLE].tolist()
+    some = np.unique(values)[:MAX_SHOWN].tolist()
     return ", ".join(f"{value:.5g}" for value in some) + ", ..."

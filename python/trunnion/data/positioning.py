@@ -24,6 +24,10 @@ OWN = ("target", "measured")
 MAX_STEP = 2.0  # of the range of deviations, in which positions may be recorded
 MAX_EXCHANGED = 0.5  # different measured positions a target: repeats of a stop differ
 DEVIATIONS = 5e-4  # of the travel of the targets: less than of another unit
+OFF_LINE = 0.01  # of the measured travel: half of the positions of an axis are nearer to a line
+MAX_OFF_LINE = 1.0  # mm or degrees: the same, of an axis that hardly moves
+FAR_OFF = 10.0  # of the median distance from the line: stops that are no part of it
+LARGE_DEVIATION = 1.0  # mm or degrees: what no axis deviates by
 SIDES = {frozenset((1,)): "forward", frozenset((-1,)): "backward"}
 UNITS = {
     1e3: "are these µm?",
@@ -198,14 +202,19 @@ class Positioning(Table):
                 f"of measured_{suffix} in {len(self)} rows, expected targets that repeat; are the "
                 "two columns exchanged?"
             )
-        slope = float(np.polyfit(self.target, self.measured, 1)[0])
-        if 0.5 < slope < 2.0:
+        slope, off = self._line()
+        if 0.5 < slope < 2.0 and off <= MAX_OFF_LINE:
             return
-        if abs(slope) < DEVIATIONS:
+        # Deviations have steps, a reversal and noise as large as what they change over the travel.
+        if abs(slope) < DEVIATIONS or off > OFF_LINE * abs(slope) * float(np.ptp(self.target)):
             raise DataError(
                 f"measured_{suffix}: got values that do not move with target_{suffix}, expected "
-                "measured positions: are these deviations from the target? Then it is the target "
-                "plus the deviation"
+                f"measured positions: {self._as_deviations()}"
+            )
+        if 0.5 < slope < 2.0:
+            raise DataError(
+                f"measured_{suffix}: got values {off:.3g} {suffix} off a line (median), expected "
+                f"measured positions: {self._as_deviations()}"
             )
         near = [text for factor, text in UNITS.items() if abs(slope / factor - 1) < 0.05]
         plain = near and (suffix == "mm" or slope < 0)
@@ -213,6 +222,27 @@ class Positioning(Table):
         raise DataError(
             f"measured_{suffix}: got {slope:.3g} {suffix} of travel for each {suffix} of "
             f"target_{suffix}, expected about 1{likely}"
+        )
+
+    def _line(self) -> tuple[float, float]:
+        """Slope of the measured positions, and their median distance from the line."""
+        target, measured = self.target, self.measured
+        for _ in range(2):  # again without what is far off: one number that was cut
+            slope, start = np.polyfit(target, measured, 1).tolist()
+            off = np.abs(measured - start - slope * target)
+            near = off <= FAR_OFF * np.median(off)
+            if len(np.unique(target[near])) < 2:
+                break
+            target, measured = target[near], measured[near]
+        return slope, float(np.median(off))
+
+    def _as_deviations(self) -> str:
+        """Ask whether measured positions are deviations; in their small unit, if they are large."""
+        if float(np.ptp(self.measured)) < LARGE_DEVIATION:
+            return "are these deviations from the target? Then it is the target plus the deviation"
+        return (
+            f"are these deviations from the target in {self.unit}? Then it is the target plus the "
+            f"deviation / {3600 if self.rotary else 1000}"
         )
 
     @property

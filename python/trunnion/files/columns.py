@@ -51,6 +51,10 @@ SMALLEST = 1e-9
 """Where numbers have one sign: one nearer to 0 is of no machine, either."""
 
 
+BELOW_SHARE = 0.1
+"""Of lengths: so many below 0 are no slips, but deviations from a nominal length."""
+
+
 class ColumnError(Exception):
     """A value that its column does not take, with its row (from 0; None: the whole column).
 
@@ -158,8 +162,15 @@ class _Numeric(Column[T]):
             bad |= ~(numbers >= self.minimum)
         if self.among is not None:
             bad |= ~np.isin(numbers, self.among)
-        self.refuse(values, bad, self.expected)
+        self.refuse(values, bad, self.expected + self._likely_deviations(numbers))
         return numbers
+
+    def _likely_deviations(self, numbers: Floats) -> str:
+        """Ask about readings of both signs where lengths are expected."""
+        below = float(np.mean(numbers < 0.0)) if len(numbers) and self.positive else 0.0
+        if not self.observed or below < BELOW_SHARE or not np.isfinite(numbers).all():
+            return ""
+        return " (are these deviations? Then the length is the nominal length plus the deviation)"
 
 
 class Number(_Numeric[Floats]):

@@ -88,6 +88,7 @@ class Table(Saved):
     choice: ClassVar[str] = ""  # columns of which a table needs some, in words
     in_order: ClassVar[bool] = True  # rows stand in the order of measurement
     slight_moves: ClassVar[bool] = False  # positions may differ by fractions of a millimetre
+    smallest_mm: ClassVar[float] = 1.0  # largest position, below which it is in another unit
     clock: ClassVar[str] = ""  # column of what each has its own time from zero
     __slots__ = ("_columns", "_origin")
 
