@@ -199,6 +199,8 @@ def test_another_preset_is_named() -> None:
         ("y_act_mm", 25.4, "are in mm but were taken for inches"),
         ("y_act_mm", -1.0, "got motion opposite to y_cmd_mm"),
         ("c_act_deg", np.pi / 180, "are in radians (× 57.3)"),
+        ("c_act_deg", 180 / np.pi, "are in degrees but were taken for radians"),
+        ("c_act_deg", 60.0, "are in arcminutes"),
     ],
 )
 def test_an_axis_of_a_log_in_another_unit_or_sense_is_named(

@@ -33,6 +33,7 @@ _FACTORS: Mapping[str, Mapping[str, float]] = {
     "µm/m": {"are in mm/m": 1e3, "are in radians": 1e6},
     "deg": {
         "are in radians": float(np.degrees(1.0)),
+        "are in arcminutes": 1 / 60,
         "are in degrees but were taken for radians": float(np.radians(1.0)),
     },
 }

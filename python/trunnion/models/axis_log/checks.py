@@ -145,11 +145,14 @@ def check_motion(signal: AxisSignal) -> None:
 def _unit_said(column: str, ratio: float) -> str:
     """Say which unit makes an axis go so many times as far; empty: none that is known."""
     other_way = " and count the other way" if ratio < 0 else ""
-    return "".join(
-        f". Likely cause: {column}: its positions {said} (× {factor:.4g}){other_way}"
+    near = {
+        abs(abs(ratio) * factor - 1.0): f"{said} (× {factor:.4g})"
         for said, factor in factors(unit_of(column)).items()
-        if abs(abs(ratio) * factor - 1.0) < SAME_UNIT
-    )
+    }
+    best = min(near, default=SAME_UNIT)
+    if best >= SAME_UNIT:
+        return ""
+    return f". Likely cause: {column}: its positions {near[best]}{other_way}"
 
 
 def check_reference(signal: AxisSignal) -> None:
