@@ -260,7 +260,7 @@ class Case:
             return growth_by_dependence(
                 self.white(f.jacobian), f.white, f.covariance, variance, self.segments
             )
-        drawn = self._drawn_anywhere
+        drawn = self._errors_of_rounding(f, spread=ANY_PLACE)
         if drawn is None:
             return np.ones(len(f.covariance))
         off = f.covariance @ (self.white(f.jacobian).T @ drawn)
