@@ -18,6 +18,7 @@ probable (by Laplace's method).
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import linprog
 from scipy.special import erfcx, log_ndtr
 
 from trunnion.base.units import Floats
@@ -35,6 +36,8 @@ SUFFICIENT = 1e-4  # share of the rise that is promised
 SAME = 1e-14  # of the largest eigenvalue of a covariance: rounding
 MIN_EXPONENT = -1e-12
 HAZARD = float(np.sqrt(2.0 / np.pi))
+REACHED = 1e-6  # of a step
+FAR = 0.55  # rms residual of a fit, in steps, beyond which no machine is within half a step
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,28 @@ class Place:
         size, axes = np.linalg.eigh(self.information)
         own = axes / np.sqrt(size) @ rng.standard_normal((len(size), count))
         return np.asarray(self.off @ (self.at[:, None] + own))
+
+
+def rounds_to_all(residuals: Floats, jacobian: Floats, step: Floats) -> bool:
+    """Whether the readings of some machine, without any noise, round to all that were read.
+
+    ``residuals``, ``jacobian``: of a fit, shapes (n,) and (n, p). ``step``: of each reading, above
+    zero. The least that the largest residual can be is sought by linear programming.
+    """
+    off = residuals / step
+    if np.sqrt(np.mean(off**2)) > FAR:
+        return False
+    size = np.linalg.norm(jacobian, axis=0)
+    seen = size > 0
+    columns = jacobian[:, seen] / size[seen] / step[:, None]
+    ones, count = np.ones((len(off), 1)), columns.shape[1]
+    found = linprog(
+        np.append(np.zeros(count), 1.0),
+        A_ub=np.block([[columns, -ones], [-columns, -ones]]),
+        b_ub=np.concatenate([off, -off]),
+        bounds=[(None, None)] * count + [(0, None)],
+    )
+    return found.fun is not None and found.fun <= 0.5 + REACHED
 
 
 def place_of(

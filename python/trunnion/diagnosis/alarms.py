@@ -126,7 +126,7 @@ def scatter(case: Case, f: Fit) -> tuple[str | None, float]:
 
 def _against_repeats(case: Case, f: Fit) -> tuple[str | None, float]:
     repeats = case.model.replicates
-    if repeats is None or case.exact(f):
+    if repeats is None or case.exact(f) or case.rounds_to_readings(f):
         return None, np.inf
     labels = np.asarray(repeats)[case.rows]
     _, group = np.unique(labels[labels >= 0], return_inverse=True)

@@ -19,6 +19,7 @@ from trunnion.base.resolution import (
     growth,
     inflation,
 )
+from trunnion.base.rounded import rounds_to_all
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import DEPENDENT_INCOMPLETE, Candidates
@@ -303,6 +304,19 @@ class Case:
             return None
         white = np.asarray(self.whiten(drawn))
         return (white if self.grid.known is None else self.grid.known.completed(white))[self.rows]
+
+    def rounds_to_readings(self, f: Fit) -> bool:
+        """Whether some machine with the causes of a fit rounds to all readings that are used.
+
+        Nothing is left to explain then: a smooth curve of few steps rounds to arches and jumps.
+        """
+        many = len(self.rows) >= MANY_ROWS
+        if self.grid is None or self.grid.known is not None or self._as_read is None or many:
+            return False
+        step = self.grid.step[self.rows]
+        return bool(np.all(step > 0)) and rounds_to_all(
+            f.residuals[self.rows], f.jacobian[self.rows], step
+        )
 
     @property
     def _as_read(self) -> Floats | None:

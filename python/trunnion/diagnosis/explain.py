@@ -151,7 +151,7 @@ def _explained(case: Case) -> Explanation:
         # What a model that is not complete leaves competes with no cause: it is stated.
         if alarm_scan.p < SCAN_LEVEL:
             terms = best_terms(case, extended)
-    elif not case.exact(extended):
+    elif not case.exact(extended) and not case.rounds_to_readings(extended):
         unexplained = alarm_scan.p < SCAN_LEVEL and alarm_scan.holds(SCAN_LEVEL)
         picked = []
         if unexplained or stands_for_causes(case, best):
