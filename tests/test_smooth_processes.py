@@ -1,11 +1,14 @@
 """Smooth processes that compete with causes: against dense covariances of the same process."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from trunnion.base.resolution import NO_FLOOR, Floor
 from trunnion.base.units import Floats
 from trunnion.diagnosis.candidates import Candidates
+from trunnion.diagnosis.probability import Beside, Probabilities
 from trunnion.diagnosis.selection import search
 from trunnion.diagnosis.smooth import LENGTHS, SIZES, Along, polynomials
 from trunnion.diagnosis.whitening import Coloured
@@ -72,3 +75,21 @@ def test_beside_a_process_a_cause_keeps_its_sign_and_what_is_stated_of_it(seed: 
     for sign, found in ((1.0, {0}), (-1.0, set())):
         r = sign * 3 * white + noise
         assert search(beside, r, floor=Floor(0.01)).top.members == found
+
+
+def test_a_process_that_is_found_twice_counts_once() -> None:
+    """Instead of a cause, and beside the best set: along one quantity both are one hypothesis."""
+    rng = np.random.default_rng(34)
+    trend = np.linspace(-1, 1, N)[:, None] / np.linalg.norm(np.linspace(-1, 1, N))
+    c = Candidates([rng.standard_normal((1, N, 1))], np.zeros((N, 0)))
+    y = 3 * trend[:, 0] + rng.standard_normal(N)
+    whiten = Coloured(trend, np.array([[25.0]]))
+    own = search(c.whitened(whiten), np.asarray(whiten(y)), floor=NO_FLOOR)
+    one, two = Beside(own, 6.0, 0), Beside(own, 7.0, 0)
+    unnamed = [
+        Probabilities(search(c, y, floor=NO_FLOOR), c, processes=some).unnamed
+        for some in ([one], [one, two], [two, one], [one, replace(one, quantity=1)])
+    ]
+    assert 0.01 < unnamed[0] < 0.99
+    assert unnamed[1] == unnamed[2] == pytest.approx(unnamed[0], rel=1e-12)
+    assert unnamed[3] > 1.01 * unnamed[0]

@@ -50,10 +50,14 @@ class Behind:
 
 @dataclass(frozen=True, eq=False)
 class Beside:
-    """Sets of causes beside a smooth process; ``cost``: what it adds to -2 ln L of each."""
+    """Sets of causes beside a smooth process along a quantity.
+
+    ``cost``: what it adds to -2 ln L of each; ``quantity``: its number.
+    """
 
     search: Search
     cost: float
+    quantity: int
 
 
 class Weighed(Protocol):
@@ -200,15 +204,18 @@ class Probabilities:
         values = dict(Evidence(self.search, self.candidates.count).values)
         for bit, one in self._beside():
             own = Evidence(one.search, self.candidates.count).values
-            values |= {mask | bit: value + one.cost for mask, value in own.items()}
+            for mask, value in own.items():
+                values[mask | bit] = min(value + one.cost, values.get(mask | bit, math.inf))
         least = min(values.values(), default=0.0)
         # with too few readings nothing is known of any set, and no cause is named
         return {mask: math.exp((least - value) / 2) for mask, value in values.items()} or {0: 1.0}
 
     def _beside(self) -> Iterator[tuple[int, Beside]]:
-        """Processes with their bits in the mask of a set, those after all candidates."""
-        first = self.search.c.count
-        return ((1 << j, one) for j, one in enumerate(self.processes, first))
+        """Processes with their bits in the mask of a set, those after all candidates.
+
+        Two along one quantity are the same hypothesis: of these the likelier counts.
+        """
+        return ((1 << self.search.c.count + one.quantity, one) for one in self.processes)
 
     @cached_property
     def known(self) -> dict[int, Found]:
@@ -217,7 +224,9 @@ class Probabilities:
         for bit, one in self._beside():
             own = frozenset({bit.bit_length() - 1})
             for mask, f in one.search.known.items():
-                out[mask | bit] = replace(f, members=f.members | own, score=f.score + one.cost)
+                score = f.score + one.cost
+                if (mask | bit) not in out or score < out[mask | bit].score:
+                    out[mask | bit] = replace(f, members=f.members | own, score=score)
         return out
 
     def _unseen(self) -> Iterator[tuple[int, float]]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from trunnion.base.statistics import MANY_ROWS
+from trunnion.base.units import Floats
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.probability import Beside
 from trunnion.diagnosis.selection import REACH, WITHIN, Found, search
@@ -13,6 +14,8 @@ from trunnion.diagnosis.smooth import Along, Process
 
 MAX_QUANTITIES = 6  # along which there may be a process: each is compared with sets by itself
 MAX_REPLACED = 5  # causes of a set, of which any number may be a process instead
+SMOOTH_DEGREE = 4  # up to which a cause makes all polynomials of a quantity, if it is any function
+MADE = 0.9  # of the variance of each
 
 
 def processes(case: Case, best: Found) -> list[Beside]:
@@ -22,6 +25,7 @@ def processes(case: Case, best: Found) -> list[Beside]:
     """
     c, plain = case.candidates, case.plain
     every = case.dictionary.smooth(MAX_QUANTITIES) if len(case.rows) < MANY_ROWS else []
+    every = [x for x in every if not _is_a_cause(case, x)]
     if not every:
         return []
     price = 2.0 * float(np.log(max(c.multiplicity, 1.0) * len(every)))
@@ -31,12 +35,25 @@ def processes(case: Case, best: Found) -> list[Beside]:
     )
     found = [(instead, best.score + REACH), (beside, best.score + WITHIN)]
     out = []
-    for (score, process), most in found[: 2 if best.blocks else 1]:
+    for (score, process, quantity), most in found[: 2 if best.blocks else 1]:
         if score + price < most:
             white = np.asarray(process.whiten(plain.white))
             searched = search(c.whitened(process.whiten), white, floor=case.floor)
-            out.append(Beside(searched, process.cost + price))
+            out.append(Beside(searched, process.cost + price, quantity))
     return out
+
+
+def _is_a_cause(case: Case, polynomials: Floats) -> bool:
+    """Whether one candidate is any smooth function of a quantity: a curve along an axis, a field.
+
+    ``polynomials``: of the quantity, white, (n, m), from degree 1, which may be a cause of its own.
+    """
+    c, basis = case.candidates, case.plain.basis
+    curved = polynomials[:, 1:SMOOTH_DEGREE]
+    left = curved - basis @ (basis.T @ curved)
+    least = MADE * np.sum(left**2, axis=0)
+    many = np.flatnonzero(c.rank >= left.shape[1]).tolist()
+    return any(bool(np.all(np.sum((c.columns(b) @ left) ** 2, axis=0) > least)) for b in many)
 
 
 def _replaced(best: Found) -> list[tuple[int, ...]]:
@@ -48,13 +65,13 @@ def _replaced(best: Found) -> list[tuple[int, ...]]:
 
 def _likeliest(
     case: Case, quantities: Sequence[Along], sets: Sequence[tuple[int, ...]]
-) -> tuple[float, Process]:
-    """Return the process that explains most beside one of some sets, and the score of both."""
+) -> tuple[float, Process, int]:
+    """Return the score of the best process beside one of some sets, it, and its quantity."""
     c, found = case.candidates, []
     for blocks in sets:
         columns = [c.columns(b) for b in blocks] or [np.zeros((0, len(case.rows)))]
         fitted = np.linalg.qr(np.concatenate(columns).astype(np.float64).T)[0]
         paid = float(np.sum(c.penalty[list(blocks)]))
         made = [q.beside(fitted) for q in quantities]
-        found += [(p.deviance + paid, p) for p in made]
+        found += [(p.deviance + paid, p, i) for i, p in enumerate(made)]
     return min(found, key=lambda one: one[0])
