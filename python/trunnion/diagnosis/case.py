@@ -24,6 +24,7 @@ from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import DEPENDENT_INCOMPLETE, Candidates
 from trunnion.diagnosis.dependence import growth as growth_by_dependence
+from trunnion.diagnosis.dependence import growth_apart
 from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.fit import Fit, Flags, fit, grid_values, variant_columns
 from trunnion.diagnosis.linearised import Linearised
@@ -33,7 +34,7 @@ from trunnion.diagnosis.probability import Weighed
 from trunnion.diagnosis.records import rms
 from trunnion.diagnosis.scan import Dictionary, Term
 from trunnion.diagnosis.steps import weights_of
-from trunnion.diagnosis.whitening import Scaling, Whiten, correlated, identity
+from trunnion.diagnosis.whitening import Scaling, Whiten, Whiteners, correlated, identity
 
 EXACT = 1e-12  # of the largest reading: rounding
 SINGULAR = 1e-8  # of a correlation matrix of estimates
@@ -254,18 +255,38 @@ class Case:
         """How many times their standard errors errors are.
 
         By rounding (:func:`.resolution.growth`); by dependence of the residuals
-        (:mod:`.dependence`). ``variance``: of a white reading. Of the parameters of a fit, shape
-        (p + k,).
+        (:mod:`.dependence`); where more than noise is left of one of several measurements.
+        ``variance``: of a white reading. Of the parameters of a fit, shape (p + k,).
         """
         if self.dependent:
             return growth_by_dependence(
                 self.white(f.jacobian), f.white, f.covariance, variance, self.segments
             )
+        apart = self._growth_apart(f, variance)
         drawn = self._errors_of_rounding(f, spread=ANY_PLACE)
         if drawn is None:
-            return np.ones(len(f.covariance))
+            return apart
         off = f.covariance @ (self.white(f.jacobian).T @ drawn)
-        return growth(off, np.diag(f.covariance) * variance)
+        return growth(off, np.diag(f.covariance) * variance * apart**2) * apart
+
+    def _growth_apart(self, f: Fit, variance: float) -> Floats:
+        """The same, of measurements of which one has structure without a name (p + k,)."""
+        apart = self.whiten.apart if isinstance(self.whiten, Whiteners) else ()
+        if not apart or variance <= 0:
+            return np.ones(len(f.covariance))
+        others = np.ones(len(self.model.readings), dtype=bool)
+        for at in apart:
+            others[at] = False
+        place = np.arange(len(others))
+        groups = [g for g in (*(place[at] for at in apart), place[others]) if len(g)]
+        groups = [np.flatnonzero(np.isin(self.rows, g)) for g in groups]
+        taken, least = np.sum(f.basis**2, axis=1), self.floor.variance
+        share = [
+            max(float(f.white[g] @ f.white[g]) / max(len(g) - taken[g].sum(), 1.0), least)
+            for g in groups
+        ]
+        white = self.white(f.jacobian)
+        return growth_apart(white, f.covariance, np.array(share) / variance, groups)
 
     @cached_property
     def _drawn_anywhere(self) -> Floats | None:

@@ -89,6 +89,20 @@ def growth(
     return np.asarray(np.sqrt(np.where(usual > 0, sandwich / np.where(usual > 0, usual, 1.0), 1.0)))
 
 
+def growth_apart(
+    jacobian: Floats, covariance: Floats, share: Floats, groups: Sequence[Integers]
+) -> Floats:
+    """How many times larger standard errors are where groups of readings have other variances.
+
+    ``jacobian`` (n, p), whitened; ``covariance``: of the parameters per unit of noise; ``share``:
+    variance of each group, of that of a reading.
+    """
+    moved = np.stack([np.sum((jacobian[g] @ covariance) ** 2, axis=0) for g in groups])
+    usual = np.sum(moved, axis=0)
+    own = share @ moved
+    return np.asarray(np.sqrt(np.where(usual > 0, own / np.where(usual > 0, usual, 1.0), 1.0)))
+
+
 def _root(covariance: Floats) -> Floats:
     """Symmetric square root."""
     w, u = np.linalg.eigh(covariance)

@@ -4,13 +4,19 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.linalg import orth
 
+from trunnion.base.resolution import Floor
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats
 from trunnion.diagnosis.case import Case
+from trunnion.diagnosis.columns import DEPENDENT
+from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.probability import Beside
+from trunnion.diagnosis.scan import smooth_functions
 from trunnion.diagnosis.selection import REACH, WITHIN, Found, search
 from trunnion.diagnosis.smooth import Along, Process
+from trunnion.diagnosis.whitening import Whiten
 
 MAX_QUANTITIES = 6  # along which there may be a process: each is compared with sets by itself
 MAX_REPLACED = 5  # causes of a set, of which any number may be a process instead
@@ -24,8 +30,9 @@ def processes(case: Case, best: Found) -> list[Beside]:
     A process is weighed as a cause is: it is one among all candidates, along one of the quantities.
     """
     c, plain = case.candidates, case.plain
-    every = case.dictionary.smooth(MAX_QUANTITIES) if len(case.rows) < MANY_ROWS else []
-    every = [x for x in every if not _is_a_cause(case, x)]
+    few = len(case.rows) < MANY_ROWS
+    functions = smooth_functions(case.model, case.rows, MAX_QUANTITIES) if few else []
+    every = [x for x in map(case.white, functions) if not _is_a_cause(case, x)]
     if not every:
         return []
     price = 2.0 * float(np.log(max(c.multiplicity, 1.0) * len(every)))
@@ -54,6 +61,32 @@ def _is_a_cause(case: Case, polynomials: Floats) -> bool:
     least = MADE * np.sum(left**2, axis=0)
     many = np.flatnonzero(c.rank >= left.shape[1]).tolist()
     return any(bool(np.all(np.sum((c.columns(b) @ left) ** 2, axis=0) > least)) for b in many)
+
+
+def share_of_noise(
+    model: Model, left: Floats, jacobian: Floats, whiten: Whiten, floor: Floor
+) -> float:
+    """Share of the mean square of residuals (n,) that is noise, and no smooth process.
+
+    The likeliest process takes its part where it is likelier than that there is none.
+    ``jacobian``: by what is always fitted, (n, p); ``floor``: of the variance of a white reading.
+    """
+    n = len(left)
+    every = smooth_functions(model, np.arange(n), MAX_QUANTITIES) if n < MANY_ROWS else []
+    white, fitted = whiten(left), whiten(jacobian)
+    size = np.linalg.norm(fitted, axis=0)
+    basis = orth(fitted[:, size > 0] / size[size > 0], rcond=DEPENDENT)
+    white = white - basis @ (basis.T @ white)
+    dof, rss = n - basis.shape[1], float(white @ white)
+    if not every or dof < 1 or rss <= 0.0:
+        return 1.0
+    none = np.zeros((n, 0))
+    along = (Along(np.asarray(whiten(x)), basis, white, floor).beside(none) for x in every)
+    best = min(along, key=lambda process: process.deviance)
+    if best.deviance + 2.0 * float(np.log(len(every))) >= float(floor.deviance(rss, dof)):
+        return 1.0
+    noise = np.asarray(best.whiten(white))
+    return min(float(floor.noise(float(noise @ noise), dof) / floor.noise(rss, dof)), 1.0)
 
 
 def _replaced(best: Found) -> list[tuple[int, ...]]:

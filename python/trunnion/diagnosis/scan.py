@@ -159,31 +159,6 @@ class Dictionary:
         for like in waiting.values():
             self._keep(like.made())
 
-    def smooth(self, most: int) -> list[Floats]:
-        """Polynomials, white, (n, m), of quantities that an error may be a smooth function of.
-
-        Each times each component; none if they are more than ``most``. No angle that comes round,
-        nor what goes with one: smooth functions of it are harmonics.
-        """
-        new = _saying(self._covariates, self._model.components, self._rows)
-        every = [x for x in new if len(x[3]) >= MIN_DISTINCT and not x[1]]
-        turns = [_ranks(x) for v, _, x, distinct, _ in every if not _straight(v, distinct)]
-        found: list[tuple[Floats, Floats]] = []
-        for v, _, values, distinct, enter in every:
-            own = _ranks(values)
-            turned = any(np.array_equal(t, x) for t in turns for x in (own, own.max() - own))
-            if _straight(v, distinct) and not turned and len(found) <= most:
-                known = 1.0 if v.known is None else v.known[self._rows]
-                functions = (polynomials(values, distinct).T * known).T
-                found += [(functions, c) for c in enter.values()]
-        return [self._white(f * c[:, None]) for f, c in found] if len(found) <= most else []
-
-    def _white(self, columns: Floats) -> Floats:
-        """Whiten columns of these readings."""
-        full = np.zeros((len(self._model.readings), columns.shape[1]))
-        full[self._rows] = columns
-        return np.asarray(self._whiten(full))[self._rows]
-
     def _serves(self, model: Model, rows: Integers, whiten: Whiten) -> bool:
         """Whether the functions are those of a dictionary with these weights."""
         weights = whiten is identity or isinstance(whiten, Scaling)
@@ -417,6 +392,30 @@ def _eliminated(a: Floats, z: Floats) -> tuple[Floats, Integers]:
             z[:, i + 1 :] -= factor[:, :, None] * z[:, None, i]
             a[:, i + 1 :, i + 1 :] -= factor[:, :, None] * a[:, None, i, i + 1 :]
     return gain, rank
+
+
+def smooth_functions(model: Model, rows: Integers, most: int) -> list[Floats]:
+    """Polynomials of quantities that an error of some rows may be a smooth function of, (n, m).
+
+    They are 0 in other rows. Each times each component; none if they are more than ``most``. No
+    angle that comes round, nor what goes with one: smooth functions of it are harmonics.
+    """
+    new = _saying(tuple(model.covariates), model.components, rows)
+    every = [x for x in new if len(x[3]) >= MIN_DISTINCT and not x[1]]
+    turns = [_ranks(x) for v, _, x, distinct, _ in every if not _straight(v, distinct)]
+    found: list[tuple[Floats, Floats]] = []
+    for v, _, values, distinct, enter in every:
+        own = _ranks(values)
+        turned = any(np.array_equal(t, x) for t in turns for x in (own, own.max() - own))
+        if _straight(v, distinct) and not turned and len(found) <= most:
+            known = 1.0 if v.known is None else v.known[rows]
+            functions = (polynomials(values, distinct).T * known).T
+            found += [(functions, c) for c in enter.values()]
+    made: list[Floats] = []
+    for functions, c in found if len(found) <= most else []:
+        made.append(np.zeros((len(model.readings), functions.shape[1])))
+        made[-1][rows] = functions * c[:, None]
+    return made
 
 
 def _saying(

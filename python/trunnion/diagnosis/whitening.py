@@ -41,10 +41,13 @@ class Whiteners:
         Readings and whitener of each.
     known:
         Whether white noise is of size 1 for sure. If so, what is left says nothing of it.
+    apart:
+        Parts of which more is left than noise: it says nothing of the noise of others.
     """
 
     parts: tuple[tuple[slice, Whiten], ...]
     known: bool = False
+    apart: tuple[slice, ...] = ()
 
     def __call__(self, columns: Floats) -> Floats:
         """Whiten columns (n, ...)."""

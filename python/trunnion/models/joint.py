@@ -6,7 +6,7 @@ effects that :meth:`~trunnion.diagnosis.model.Model.shared` calls alike. All els
 measurement and has its name in front ("touches:probe_radius"): placements, instruments, artefacts,
 what changes with time. An instrument that several measurements of a kind have in common
 (:meth:`~trunnion.diagnosis.model.Model.instrument_size`) has the name of the first of them. Each
-measurement keeps the noise that its own diagnosis found.
+measurement keeps the noise that its own diagnosis found, less what no cause makes.
 
 Measurements of one kind are of several dates, in the order given. For each error and effect that
 they share there is a further candidate: it changed before a later one ("touches 2:change_EX0C").
@@ -28,13 +28,13 @@ from trunnion.base.errors import InputError
 from trunnion.base.resolution import Grid
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.effect import Effect, EffectValues, Parameter, Values
-from trunnion.diagnosis.model import Model, Nuisance, Uncertainty
+from trunnion.diagnosis.model import Covariate, Model, Nuisance, Uncertainty
 from trunnion.diagnosis.one_effect import OneEffect
 from trunnion.diagnosis.whitening import Whiten, Whiteners
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.models.agreement import APART, LEVEL, effects_apart, errors_apart
-from trunnion.models.parts import Part, joined_labels, joined_readings
+from trunnion.models.parts import Part, joined_labels, joined_orders, joined_readings
 from trunnion.setup.names import shared_label
 
 UNIT_NAMES = {"µm": "um"}  # in names of parameters
@@ -105,8 +105,7 @@ class JointModel(Model):
         for part in self.parts:
             mine = []
             for x, value in zip(part.model.nuisance, part.model.start, strict=True):
-                shared = x.owner is Owner.MACHINE
-                name = x.name if shared else f"{part.name}:{x.name}"
+                name = x.name if x.owner is Owner.MACHINE else f"{part.name}:{x.name}"
                 if name not in joined:
                     joined[name] = replace(x, name=name)
                     start.append(float(value))
@@ -314,8 +313,8 @@ class JointModel(Model):
         """Return the derivative by what is always fitted, shape (n, p)."""
         out = np.zeros((len(self.readings), len(self.nuisance)))
         for i, part in enumerate(self.parts):
-            own = part.model.jacobian(*self._of_part(i, nuisance, effects))
-            out[self._at[i], self._index[i]] = own
+            at = self._at[i], self._index[i]
+            out[at] = part.model.jacobian(*self._of_part(i, nuisance, effects))
         return out
 
     def effect_jacobian(
@@ -394,8 +393,9 @@ class JointModel(Model):
         Exact readings beside others leave nothing: all of them together do not say what noise is.
         """
         exact = [part.exact for part in self.parts]
-        own = tuple((at, part.whiten) for at, part in zip(self._at, self.parts, strict=True))
-        return Whiteners(own, known=any(exact) and not all(exact))
+        own = tuple(zip(self._at, (part.whiten for part in self.parts), strict=True))
+        apart = tuple(at for at, p in zip(self._at, self.parts, strict=True) if p.more_than_noise)
+        return Whiteners(own, known=any(exact) and not all(exact), apart=apart)
 
     # --- what the engine asks
 
@@ -409,6 +409,11 @@ class JointModel(Model):
         """No: those of each part are set aside before."""
         return False
 
+    @cached_property
+    def covariates(self) -> tuple[Covariate, ...]:
+        """The order of the rows of each part: what is left of one says nothing of another."""
+        return joined_orders(self.parts)
+
     @property
     def groups(self) -> Integers:
         """The groups of each part."""
@@ -418,9 +423,8 @@ class JointModel(Model):
     def replicates(self) -> Integers | None:
         """The repeats of each part."""
         own = [p.model.replicates for p in self.parts]
-        if any(labels is None for labels in own):
-            return None
-        return joined_labels([np.asarray(labels) for labels in own])
+        known = [np.asarray(labels) for labels in own if labels is not None]
+        return joined_labels(known) if len(known) == len(own) else None
 
     @property
     def rank_tolerance(self) -> float:
@@ -444,8 +448,7 @@ class JointModel(Model):
         """Return the machine's errors, by the first measurement that has them."""
         out: dict[str, float] = {}
         for i, part in enumerate(self.parts):
-            at, own = self._of_part(i, nuisance, {})
-            out = {**part.model.location_errors(at, own), **out}
+            out = {**part.model.location_errors(*self._of_part(i, nuisance, {})), **out}
         return {k: v for k, v in out.items() if k in {x.name for x in self.nuisance}}
 
     def extended(

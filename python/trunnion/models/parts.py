@@ -11,7 +11,7 @@ from trunnion.base.resolution import Grid
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.effect import Effect, EffectValues, Values
 from trunnion.diagnosis.linearised import Linearised
-from trunnion.diagnosis.model import Model, Readings
+from trunnion.diagnosis.model import Covariate, Model, Readings
 from trunnion.diagnosis.records import units_of
 from trunnion.diagnosis.whitening import Whiten
 
@@ -48,6 +48,8 @@ class Part:
         Makes the noise of its readings white, of size 1.
     exact
         Whether its readings have no noise: the size of its white noise is then an assumed one.
+    more_than_noise
+        Whether its own diagnosis left a smooth process that no cause makes.
     grid
         Steps of its readings, with what is known of their noise; None: they have none.
     linearised
@@ -62,6 +64,7 @@ class Part:
     rows: Integers
     whiten: Scaled
     exact: bool = False
+    more_than_noise: bool = False
     grid: Grid | None = None
     linearised: Linearised | None = None
     _predicted: dict[tuple[object, ...], Floats] = field(default_factory=dict, repr=False)
@@ -112,3 +115,15 @@ def joined_labels(parts: Sequence[Integers]) -> Integers:
         out.append(np.where(labels >= 0, known + first, -1))
         first += len(labels) + 1
     return np.concatenate(out).astype(np.intp)
+
+
+def joined_orders(parts: Sequence[Part]) -> tuple[Covariate, ...]:
+    """The order of the rows of each part, of which nothing in the others is a function."""
+    rows = np.concatenate([p.rows for p in parts])
+    number = np.repeat(np.arange(len(parts)), [len(p.rows) for p in parts])
+    made = []
+    for i, part in enumerate(parts):
+        order = np.where(number == i, rows, part.rows[0]).astype(float)
+        name = f"order of measurement of {part.name}"
+        made.append(Covariate(name, order, sequence=True, known=number == i))
+    return tuple(made)

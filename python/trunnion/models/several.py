@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from trunnion.base.resolution import Grid, Known
+from trunnion.base.resolution import Floor, Grid, Known
 from trunnion.base.units import Integers
 from trunnion.data.mistaken import size_notes
 from trunnion.data.times import time_notes
 from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.processes import share_of_noise
 from trunnion.diagnosis.report import Left
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scatter import Directions
@@ -77,14 +78,19 @@ class Measured:
         """
         rows = np.asarray(model.readings.rows)
         rows = self.rows[rows] if isinstance(self.data, Table) else rows
-        whiten, grid = self._noise(model, assumed)
+        whiten, grid, share = self._noise(model, assumed)
         known = self.alone.linearised
         if known is not None and not (known.model is model and known.whiten is whiten.whiten):
             known = None
-        return Part(name, self.kind, model, rows + start, whiten, self.alone.exact, grid, known)
+        exact = self.alone.exact
+        return Part(name, self.kind, model, rows + start, whiten, exact, share < 1, grid, known)
 
-    def _noise(self, model: Model, assumed: float) -> tuple[Scaled, Grid | None]:
-        """Return what makes the noise of the used readings white, of size 1, and their steps."""
+    def _noise(self, model: Model, assumed: float) -> tuple[Scaled, Grid | None, float]:
+        """Return what makes the noise of the used readings white, of size 1, and their steps.
+
+        And the share of it in what their own diagnosis left, which is less than 1 where that left
+        what no cause makes: it would make causes of other measurements weigh more.
+        """
         found = self.alone
         of_row = found.rows if self.distinct is None else self.distinct[found.rows]
         kept = ~np.isin(of_row, self.alone.outliers)
@@ -94,6 +100,9 @@ class Measured:
         dof = max(n - parameters, 1)
         jacobian = model.jacobian(model.start, {})
         grid = grid_of(model, before, n - len(model.nuisance), jacobian)
+        floor = Floor(0.0 if grid is None else white_rounding(grid, whiten))
+        share = 1.0 if found.exact else share_of_noise(model, after, jacobian, whiten, floor)
+        after = after * np.sqrt(share)
         quiet = 0.0 if grid is None else grid.noise(after, dof, jacobian)
         if grid is not None:  # what the fit had for its weights
             quiet = grid.noise(after, dof, jacobian, weights_of(white_beside(grid, quiet)))
@@ -109,10 +118,10 @@ class Measured:
         variance = max(variance, assumed, float(np.mean(least**2)), rounding, MIN_NOISE**2)
         white = Scaled(whiten, float(np.sqrt(variance)))
         if grid is None:
-            return white, None
+            return white, None, share
         scale = np.full(n, float(grid.step.max()))
         grid = replace(grid, known=Known(np.full(n, quiet), scale, rounding / variance))
-        return white, grid
+        return white, grid, share
 
 
 def joint_model(
