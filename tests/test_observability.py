@@ -97,8 +97,10 @@ def test_repeats_narrow_what_a_plan_tells_and_nothing_else() -> None:
     assert ninth.combinations == first.combinations
     for name, error in first.std_errors.items():
         assert ninth.std_errors[name] == pytest.approx(error / 3, rel=1e-9), name
-    again = np.repeat(np.arange(9.0), len(one))  # rows that are equal in all would count once
-    many = many.with_columns(time_s=again)
+    off = 1e-10 * np.random.default_rng(1).standard_normal((3, len(many)))  # equal ones count once
+    many = many.with_columns(
+        x_mm=many.x_mm + off[0], y_mm=many.y_mm + off[1], z_mm=many.z_mm + off[2]
+    )
     for method in ("printed", "separating"):
         a, b = (tn.closed_form(data, setup, method=method) for data in (one, many))
         for name, error in a.std_errors.items():

@@ -128,6 +128,9 @@ class Covariate:
     known:
         Which readings have the quantity, shape (n,): nothing in the others depends on it. None:
         all have it.
+    comes_back:
+        The same places come again and again along it, so that a function of these may be a smooth
+        one of it, too: smooth functions of it compete with no cause.
     """
 
     name: str
@@ -138,6 +141,7 @@ class Covariate:
     sequence: bool = False
     words: tuple[tuple[float, str], ...] = ()
     known: Flags | None = None
+    comes_back: bool = False
 
 
 @dataclass(frozen=True)

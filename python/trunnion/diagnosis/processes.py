@@ -31,8 +31,8 @@ def processes(case: Case, best: Found) -> list[Beside]:
     """
     c, plain = case.candidates, case.plain
     few = len(case.rows) < MANY_ROWS
-    functions = smooth_functions(case.model, case.rows, MAX_QUANTITIES) if few else []
-    every = [x for x in map(case.white, functions) if not _is_a_cause(case, x)]
+    sought = smooth_functions(case.model, case.rows, MAX_QUANTITIES, competing=True) if few else []
+    every = [x for x in map(case.white, sought) if not _is_a_cause(case, x)]
     if not every:
         return []
     price = 2.0 * float(np.log(max(c.multiplicity, 1.0) * len(every)))
@@ -56,11 +56,15 @@ def _is_a_cause(case: Case, polynomials: Floats) -> bool:
     ``polynomials``: of the quantity, white, (n, m), from degree 1, which may be a cause of its own.
     """
     c, basis = case.candidates, case.plain.basis
-    curved = polynomials[:, 1:SMOOTH_DEGREE]
-    left = curved - basis @ (basis.T @ curved)
-    least = MADE * np.sum(left**2, axis=0)
-    many = np.flatnonzero(c.rank >= left.shape[1]).tolist()
-    return any(bool(np.all(np.sum((c.columns(b) @ left) ** 2, axis=0) > least)) for b in many)
+    some = polynomials[:, :SMOOTH_DEGREE]
+    line, *curved = (some - basis @ (basis.T @ some)).T
+    sizes = np.square(np.linalg.norm(curved, axis=1))
+    many = np.flatnonzero(c.rank >= len(curved)).tolist()
+    for columns in (np.vstack([c.columns(b), line]).T for b in many):
+        made = columns @ np.linalg.lstsq(columns, np.transpose(curved), rcond=None)[0]
+        if np.all(np.sum(made**2, axis=0) > MADE * sizes):
+            return True
+    return False
 
 
 def share_of_noise(

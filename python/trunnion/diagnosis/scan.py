@@ -394,13 +394,17 @@ def _eliminated(a: Floats, z: Floats) -> tuple[Floats, Integers]:
     return gain, rank
 
 
-def smooth_functions(model: Model, rows: Integers, most: int) -> list[Floats]:
+def smooth_functions(
+    model: Model, rows: Integers, most: int, *, competing: bool = False
+) -> list[Floats]:
     """Polynomials of quantities that an error of some rows may be a smooth function of, (n, m).
 
     They are 0 in other rows. Each times each component; none if they are more than ``most``. No
     angle that comes round, nor what goes with one: smooth functions of it are harmonics.
+    ``competing``: only those that may compete with causes.
     """
-    new = _saying(tuple(model.covariates), model.components, rows)
+    covariates = (v for v in model.covariates if not (competing and v.comes_back))
+    new = _saying(tuple(covariates), model.components, rows)
     every = [x for x in new if len(x[3]) >= MIN_DISTINCT and not x[1]]
     turns = [_ranks(x) for v, _, x, distinct, _ in every if not _straight(v, distinct)]
     found: list[tuple[Floats, Floats]] = []
