@@ -399,15 +399,14 @@ def smooth_functions(
 ) -> list[Floats]:
     """Polynomials of quantities that an error of some rows may be a smooth function of, (n, m).
 
-    They are 0 in other rows. Each times each component; none if they are more than ``most``. No
-    angle that comes round, nor what goes with one: smooth functions of it are harmonics.
-    ``competing``: only those that may compete with causes.
+    0 in other rows. Each times each component; none if more than ``most``. No angle that comes
+    round, nor what goes with one. ``competing``: only those that may compete with causes.
     """
-    covariates = (v for v in model.covariates if not (competing and v.comes_back))
-    new = _saying(tuple(covariates), model.components, rows)
-    every = [x for x in new if len(x[3]) >= MIN_DISTINCT and not x[1]]
+    sought = tuple(v for v in model.covariates if not (competing and v.comes_back))
+    said = _saying(sought, model.components, rows)
+    every = [x for x in said if len(x[3]) >= MIN_DISTINCT and not x[1]]
     turns = [_ranks(x) for v, _, x, distinct, _ in every if not _straight(v, distinct)]
-    found: list[tuple[Floats, Floats]] = []
+    found = list[tuple[Floats, Floats]]()
     for v, _, values, distinct, enter in every:
         own = _ranks(values)
         turned = any(np.array_equal(t, x) for t in turns for x in (own, own.max() - own))
@@ -415,11 +414,10 @@ def smooth_functions(
             known = 1.0 if v.known is None else v.known[rows]
             functions = (polynomials(values, distinct).T * known).T
             found += [(functions, c) for c in enter.values()]
-    made: list[Floats] = []
-    for functions, c in found if len(found) <= most else []:
-        made.append(np.zeros((len(model.readings), functions.shape[1])))
-        made[-1][rows] = functions * c[:, None]
-    return made
+    made = [np.zeros((len(model.readings), f.shape[1])) for f, _ in found]
+    for full, (functions, c) in zip(made, found, strict=True):
+        full[rows] = functions * c[:, None]
+    return made if len(found) <= most else []
 
 
 def _saying(
