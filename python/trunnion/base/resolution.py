@@ -352,8 +352,8 @@ class Grid:
         if used is None or known is not None or self.parts is not None or not np.all(self.step > 0):
             off = machines(jacobian, covariance, scale, spread, count, rng)
         else:
-            told = float(each[0]) if self._freedom_of_repeats() >= MIN_REPEATS else None
-            place = place_of(residuals, jacobian, covariance, self.step, used, told)
+            known_noise = float(each[0]) if self._freedom_of_repeats() >= MIN_REPEATS else None
+            place = place_of(residuals, jacobian, covariance, self.step, used, known_noise)
             off, each = place.drawn(count, rng), place.noise * every
         where = (values - residuals)[:, None] + off
         noisy = where + each[:, None] * rng.standard_normal(where.shape)

@@ -24,7 +24,7 @@ MAX_OFF_CIRCLE = 1e-3
 
 def from_deviations(data: Table) -> Iterator[tuple[str, Table, float]]:
     """Yield what readings may be deviations from, the data if they are, and mm of their unit."""
-    expected = nominal_readings(data)
+    expected = _nominal_readings(data)
     if not expected:
         return
     holds, places = ("are", "places") if len(expected) > 1 else ("holds", "length")
@@ -43,7 +43,7 @@ def from_deviations(data: Table) -> Iterator[tuple[str, Table, float]]:
         yield text, made, factor
 
 
-def nominal_readings(data: Table) -> Mapping[str, Floats]:
+def _nominal_readings(data: Table) -> Mapping[str, Floats]:
     """Return what readings should be, by name, as far as the data tell."""
     if isinstance(data, Ballbar):
         return {} if (length := _bar_mm(data)) is None else {"length_mm": length}

@@ -145,7 +145,7 @@ def _with_other_times(data: Table) -> Integers:
     """Of each row of a run that repeats earlier rows one by one, but for times, that row.
 
     A run as long as a block: of single readings in steps the same may be read again. Samples of a
-    log are told apart by their times.
+    log are distinguished by their times.
     """
     rows = np.arange(len(data))
     if "time_s" not in data.columns or data.kinds["time_s"].required:

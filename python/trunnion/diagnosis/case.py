@@ -219,10 +219,10 @@ class Case:
         no steps to speak of. The machines are as uncertain in place as rounding makes them: a
         smooth curve of few steps rounds to arches whose places hang on that.
         """
-        if id(f) not in self._about:
+        if f not in self._about:
             drawn = self._errors_of_rounding(f, wide=True)
-            self._about[id(f)] = f, None if drawn is None else self._left_of(drawn, f)
-        return self._about[id(f)][1]
+            self._about[f] = None if drawn is None else self._left_of(drawn, f)
+        return self._about[f]
 
     def _left_of(self, drawn: Floats, f: Fit) -> Floats:
         """What a fit leaves of white errors in draws, in units of the noise of each (m, s)."""
@@ -293,7 +293,11 @@ class Case:
         return self._errors_of_rounding(spread=ANY_PLACE)
 
     @cached_property
-    def _about(self) -> dict[int, tuple[Fit, Floats | None]]:
+    def _about(self) -> dict[Fit, Floats | None]:
+        return {}
+
+    @cached_property
+    def _rounds(self) -> dict[Fit, bool]:
         return {}
 
     def _errors_of_rounding(
@@ -327,17 +331,19 @@ class Case:
         return (white if self.grid.known is None else self.grid.known.completed(white))[self.rows]
 
     def rounds_to_readings(self, f: Fit) -> bool:
-        """Whether some machine with the causes of a fit rounds to all readings that are used.
+        """Whether some machine with the causes of a fit rounds to all used readings (kept).
 
         Nothing is left to explain then: a smooth curve of few steps rounds to arches and jumps.
         """
         many = len(self.rows) >= MANY_ROWS
         if self.grid is None or self.grid.known is not None or self._as_read is None or many:
             return False
-        step = self.grid.step[self.rows]
-        return bool(np.all(step > 0)) and rounds_to_all(
-            f.residuals[self.rows], f.jacobian[self.rows], step
-        )
+        if f not in self._rounds:
+            step = self.grid.step[self.rows]
+            self._rounds[f] = bool(np.all(step > 0)) and rounds_to_all(
+                f.residuals[self.rows], f.jacobian[self.rows], step
+            )
+        return self._rounds[f]
 
     @property
     def _as_read(self) -> Floats | None:

@@ -166,13 +166,13 @@ def fit(
         lengths = solved.lengths(last)
         step = lengths @ problem.directions
         taken = _downhill(problem, at, step, rss)
-        if taken is None and problem.beyond(at, step).any():
+        held = taken is None and bool(problem.beyond(at, step).any())
+        if held:
             taken = _downhill(problem, at, problem.within(at, jac, w, step), rss)
         if taken is None:
             break
-        whole = np.array_equal(problem.moved(at, step).nuisance, taken[0].nuisance)
-        last = _Last(solved.found.solution, lengths) if whole else None
-        at, r, w, rss_new = taken
+        at, r, w, rss_new, whole = taken
+        last = _Last(solved.found.solution, lengths) if whole and not held else None
         gained, rss = rss - rss_new, rss_new
         jac = problem.derivative(at)
         solved = problem.solve(jac, w)
@@ -356,9 +356,12 @@ class _Problem:
 
 def _downhill(
     problem: _Problem, at: _Point, step: Array, rss: float
-) -> tuple[_Point, Array, Array, float] | None:
-    """Take a step, shortened until it leads down: point, residuals, white ones, their squares."""
-    for _ in range(MAX_HALVINGS):
+) -> tuple[_Point, Array, Array, float, bool] | None:
+    """Take a step, shortened until it leads down.
+
+    Point, residuals, white ones, their squares, and whether the whole step was taken.
+    """
+    for shortened in range(MAX_HALVINGS):
         new = problem.moved(at, step)
         try:
             r = problem.residuals(new)
@@ -368,7 +371,7 @@ def _downhill(
         w = problem.used(r)
         rss_new = float(w @ w)
         if rss_new <= rss * (1 + 1e-12):
-            return new, r, w, rss_new
+            return new, r, w, rss_new, not shortened
         step = step / 2
     return None
 

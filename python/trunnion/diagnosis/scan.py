@@ -26,7 +26,7 @@ from trunnion.diagnosis.columns import (
 )
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.model import Covariate, Model
-from trunnion.diagnosis.smooth import polynomials
+from trunnion.diagnosis.smooth import over_range, polynomials
 from trunnion.diagnosis.whitening import Scaling, Whiten, identity
 
 SCAN_LEVEL = 0.01
@@ -251,7 +251,7 @@ class Dictionary:
         values = np.asarray(along.values, dtype=np.float64)
         low, high = np.min(values[self._rows]), np.max(values[self._rows])
         waves = (high - low) / float(str(of.number)) + WAVES_BETWEEN
-        columns = _waves(np.pi * waves, 2 * (values - low) / (high - low) - 1)
+        columns = _waves(np.pi * waves, over_range(values, low, high))
         if of.component:
             columns = columns * np.asarray(self._model.components[of.component])
         made = [np.asarray(self._whiten(wave.T))[self._rows] for wave in columns]
@@ -465,14 +465,13 @@ def _functions(
         different = len(np.unique(np.round(np.mod(distinct, v.period), 9)))
         orders = np.arange(1, min(HARMONICS, different - 1) + 1)
         yield "harmonic", list(orders), _waves(orders, turn)
-    low, high = distinct[0], distinct[-1]
-    x = 2 * (values - low) / (high - low) - 1
     if _straight(v, distinct):
-        top = min(DEGREE, len(distinct) - 1)
-        legendre = np.polynomial.legendre.legvander(x, top).T
-        for k in range(1, top + 1):
-            yield "polynomial", [k], legendre[None, 1 : k + 1]
+        legendre = polynomials(values, distinct, DEGREE).T
+        for k in range(1, len(legendre) + 1):
+            yield "polynomial", [k], legendre[None, :k]
     if v.period is None:
+        low, high = distinct[0], distinct[-1]
+        x = over_range(values, low, high)
         waves = np.arange(1.5, min(WAVES, len(distinct) / 3), 0.5)
         yield "wave", list((high - low) / waves), _waves(np.pi * waves, x)
     if v.sequence:

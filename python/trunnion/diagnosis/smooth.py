@@ -101,11 +101,18 @@ class Along:
         return Process(Coloured(own, more), float(whole) + of_all, least + of_all)
 
 
-def polynomials(values: Floats, distinct: Floats) -> Floats:
-    """Legendre polynomials of a quantity over its range, (n, m); ``distinct``: values, sorted."""
-    low, high = distinct[0], distinct[-1]
-    x = 2 * (values - low) / (high - low) - 1
-    return np.polynomial.legendre.legvander(x, min(DEGREE, len(distinct) - 1))[:, 1:]
+def polynomials(values: Floats, distinct: Floats, most: int = DEGREE) -> Floats:
+    """Legendre polynomials of a quantity over its range, (n, m), from degree 1 to ``most``.
+
+    ``distinct``: its values, sorted; of few the degree is lower.
+    """
+    x = over_range(values, distinct[0], distinct[-1])
+    return np.polynomial.legendre.legvander(x, min(most, len(distinct) - 1))[:, 1:]
+
+
+def over_range(values: Floats, low: float, high: float) -> Floats:
+    """Values of a range as places from -1 to 1."""
+    return np.asarray(2 * (values - low) / (high - low) - 1, dtype=np.float64)
 
 
 @cache
