@@ -107,7 +107,9 @@ def polynomials(values: Floats, distinct: Floats, most: int = DEGREE) -> Floats:
     ``distinct``: its values, sorted; of few the degree is lower.
     """
     x = over_range(values, distinct[0], distinct[-1])
-    return np.polynomial.legendre.legvander(x, min(most, len(distinct) - 1))[:, 1:]
+    degree = min(most, len(distinct) - 1)
+    made = np.polynomial.legendre.legvander(x, degree)[:, 1:]
+    return np.asarray(made, dtype=np.float64)
 
 
 def over_range(values: Floats, low: float, high: float) -> Floats:
