@@ -90,6 +90,7 @@ def _comes_back_from_json(result: Any) -> None:
         again = type(result).from_json(result.to_json())
         assert again == result
         assert again.to_dict() == result.to_dict()
+        assert again.to_json() == result.to_json()
 
 
 def _holds_code(result: Any) -> bool:

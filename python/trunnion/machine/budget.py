@@ -128,9 +128,10 @@ def of_readings(
         return ()
     rates = root(covariance / sigma**2)
     scatter = float(np.sqrt(max(sigma**2 - rounding**2, 0.0)))
-    found = [Source(READINGS, scatter, unit, rates, degrees_of_freedom)]
+    freedom = float(degrees_of_freedom)
+    found = [Source(READINGS, scatter, unit, rates, freedom)]
     if rounding > 0:
-        freedom = degrees_of_freedom if scatter > 0 else np.inf
+        freedom = freedom if scatter > 0 else np.inf
         size = min(rounding, sigma)
         found.append(Source(RESOLUTION, size, unit, rates, freedom, shape="rectangular"))
     return tuple(found)
