@@ -112,12 +112,9 @@ class InverseCompensation:
         """Make it from errors and effects, or from a result that has them."""
         positive("largest_turn_deg", largest_turn_deg)
         known = MachineErrors.of(setup, errors, effects)
-        if known.own:
-            raise InputError(
-                f"effect {known.own[0].id!r}: got a user's own effect, expected effects of the "
-                "catalogue: its motion says nothing of the tool direction; use "
-                "ModelCompensation or error_map"
-            )
+        known.refuse_own(
+            "its motion says nothing of the tool direction; use ModelCompensation or error_map"
+        )
         return cls(known, largest_turn_deg)
 
     @checked

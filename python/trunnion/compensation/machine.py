@@ -118,6 +118,14 @@ class MachineErrors:
         effects = {name: values for name, values in self.effects.items() if name in ids}
         return MachineErrors(errors=self.errors, effects=effects)
 
+    def refuse_own(self, why: str) -> None:
+        """Refuse motions of the user's own where only the machine's model is followed."""
+        if self.own:
+            raise InputError(
+                f"effect {self.own[0].id!r}: got a user's own effect, expected location errors and "
+                f"effects of the catalogue: {why}"
+            )
+
     def core(
         self,
         setup: Setup,

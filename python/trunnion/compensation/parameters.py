@@ -267,11 +267,7 @@ def cnc_parameters(
     for group in groups:
         choose("groups", group, GROUPS)
     known = MachineErrors.of(setup, errors, effects, placement)
-    if known.own:
-        raise InputError(
-            f"effect {known.own[0].id!r}: got a user's own effect, expected effects of the "
-            "catalogue: parameters of a control cannot follow it"
-        )
+    known.refuse_own("parameters of a control cannot follow it")
     if method == "direct":
         return _direct(setup, known, groups)
     if method != "least-squares":

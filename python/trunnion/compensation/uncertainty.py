@@ -251,9 +251,7 @@ def volumetric_budget(
     2
     """
     known = MachineErrors.of(setup, estimate)
-    if known.own:
-        names = ", ".join(one.id for one in known.own)
-        raise InputError(f"effects: got {names}, expected effects of the machine's catalogue only")
+    known.refuse_own("the field of errors is that of the machine's model")
     order = estimate.names or tuple(estimate.std_errors)
     index, numbers = taking_part(setup, known, order)
     where = Workspace(x_mm, y_mm, z_mm, a_deg, c_deg, b_deg)

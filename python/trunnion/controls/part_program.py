@@ -15,7 +15,7 @@ import numpy as np
 
 from trunnion.base.arguments import checked
 from trunnion.base.checks import choose, positive
-from trunnion.base.errors import InputError, ProgramError
+from trunnion.base.errors import ProgramError
 from trunnion.base.report import Result, Table
 from trunnion.base.units import Floats
 from trunnion.compensation.machine import Known
@@ -147,11 +147,7 @@ def correct_program(
     choose("written", written, ("axes", "tcp"))
     positive("tolerance_um", tolerance_um)
     known = known_errors(setup, estimate, any_size=any_size)
-    if known.own:
-        raise InputError(
-            f"effect {known.own[0].id!r}: got an effect without a model of the machine, expected "
-            "location errors and effects of the catalogue"
-        )
+    known.refuse_own("a corrected program follows the model of the machine")
     tool = Tool.of(setup, known, given, written, origin_mm)
     program = Program.parse(text, DIALECT)
     moves = follow(program)
