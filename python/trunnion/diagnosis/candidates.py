@@ -34,6 +34,8 @@ from trunnion.diagnosis.whitening import Whiten
 # The same where the model is known to be incomplete (3 % of its length): or its gaps decide.
 DEPENDENT_INCOMPLETE = 1e-3
 NAMING_LEVEL = 0.01
+SMOOTH_DEGREE = 4  # up to which a cause makes all polynomials of a quantity, if it is any function
+MADE = 0.9  # of the variance of each
 NONE = np.zeros(0, dtype=np.intp)
 
 
@@ -231,6 +233,22 @@ class Candidates:
         """Columns of a block, one a row, shape (k, n)."""
         part, some = self._place(block)
         return part[some]
+
+    def makes_any(self, polynomials: Floats, basis: Floats) -> bool:
+        """Whether one candidate is any smooth function of a quantity: a curve along an axis, say.
+
+        ``polynomials``: of the quantity, white, (n, m), from degree 1, which may be a candidate of
+        its own; ``basis``: orthonormal, of what is always fitted, (n, p).
+        """
+        some = polynomials[:, :SMOOTH_DEGREE]
+        line, *curved = (some - basis @ (basis.T @ some)).T
+        sizes = np.square(np.linalg.norm(curved, axis=1))
+        many = np.flatnonzero(self.rank >= len(curved)).tolist()
+        for columns in (np.vstack([self.columns(b), line]).T for b in many):
+            made = columns @ np.linalg.lstsq(columns, np.transpose(curved), rcond=None)[0]
+            if np.all(np.sum(made**2, axis=0) > MADE * sizes):
+                return True
+        return False
 
     def _place(self, block: int) -> tuple[Floats | Part, slice]:
         """Part that holds the columns of a block, and which of it they are."""

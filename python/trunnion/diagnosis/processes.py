@@ -20,8 +20,6 @@ from trunnion.diagnosis.whitening import Whiten
 
 MAX_QUANTITIES = 6  # along which there may be a process: each is compared with sets by itself
 MAX_REPLACED = 5  # causes of a set, of which any number may be a process instead
-SMOOTH_DEGREE = 4  # up to which a cause makes all polynomials of a quantity, if it is any function
-MADE = 0.9  # of the variance of each
 
 
 def processes(case: Case, best: Found) -> list[Beside]:
@@ -32,7 +30,7 @@ def processes(case: Case, best: Found) -> list[Beside]:
     c, plain = case.candidates, case.plain
     few = len(case.rows) < MANY_ROWS
     sought = smooth_functions(case.model, case.rows, MAX_QUANTITIES, competing=True) if few else []
-    every = [x for x in map(case.white, sought) if not _is_a_cause(case, x)]
+    every = [x for x in map(case.white, sought) if not c.makes_any(x, plain.basis)]
     if not every:
         return []
     price = 2.0 * float(np.log(max(c.multiplicity, 1.0) * len(every)))
@@ -48,23 +46,6 @@ def processes(case: Case, best: Found) -> list[Beside]:
             searched = search(c.whitened(process.whiten), white, floor=case.floor)
             out.append(Beside(searched, process.cost + price, quantity))
     return out
-
-
-def _is_a_cause(case: Case, polynomials: Floats) -> bool:
-    """Whether one candidate is any smooth function of a quantity: a curve along an axis, a field.
-
-    ``polynomials``: of the quantity, white, (n, m), from degree 1, which may be a cause of its own.
-    """
-    c, basis = case.candidates, case.plain.basis
-    some = polynomials[:, :SMOOTH_DEGREE]
-    line, *curved = (some - basis @ (basis.T @ some)).T
-    sizes = np.square(np.linalg.norm(curved, axis=1))
-    many = np.flatnonzero(c.rank >= len(curved)).tolist()
-    for columns in (np.vstack([c.columns(b), line]).T for b in many):
-        made = columns @ np.linalg.lstsq(columns, np.transpose(curved), rcond=None)[0]
-        if np.all(np.sum(made**2, axis=0) > MADE * sizes):
-            return True
-    return False
 
 
 def share_of_noise(

@@ -31,6 +31,7 @@ MIN_P = 0.001  # smaller ones are called so
 MAX_ROWS = 12  # of a table of readings
 MAX_WORST = 3  # errors that are stated to be in doubt
 MIN_DOUBT = 0.5  # of the uncertainty of such an error
+NO_CAUSE = "no known cause"  # of a set without one: noise alone, or what the catalogue has not
 
 
 def chance(p: float) -> str:
@@ -421,7 +422,7 @@ def alternatives_table(
     known = labels or {}
     rows = [
         (
-            " + ".join(known.get(i) or i for i in sorted(a.causes)) or "no cause",
+            " + ".join(known.get(i) or i for i in sorted(a.causes)) or NO_CAUSE,
             Shown(a.probability, percent(a.probability)),
             round(a.distance, 1) + 0.0,
             significant(a.rms_um),

@@ -12,6 +12,7 @@ from trunnion.diagnosis.contributions import largest_biases
 from trunnion.diagnosis.records import (
     MAX_WORST,
     MIN_DOUBT,
+    NO_CAUSE,
     Cause,
     chance,
     labelled,
@@ -97,7 +98,7 @@ def _ambiguous(d: Diagnosis) -> list[str]:
         for a in d.evidence[1 : MAX_SETS + 1]
     ]
     more = len(d.alternatives) - 1 - len(others)
-    none = "no further cause" if certain else "no cause"
+    none = "no further cause" if certain else NO_CAUSE
     doubt = "; or ".join(
         f"{text or none} ({percent(a.probability)})"
         for text, a in zip((first, *others), d.evidence, strict=False)

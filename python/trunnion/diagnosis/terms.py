@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -85,10 +86,23 @@ def _directions(case: Case, term: int) -> Floats:
     return np.asarray(own[:, size**2 > DEPENDENT])
 
 
+def _smooth(case: Case, term: int) -> Floats | None:
+    """Return all polynomials of the quantity of a term, (n, k), if it is a polynomial of it."""
+    every = case.dictionary.terms
+    if every[term].kind != "polynomial":
+        return None
+    like = [replace(one, number=None) == replace(every[term], number=None) for one in every]
+    return case.dictionary.block(int(np.flatnonzero(like)[-1]))
+
+
 def has_a_name(case: Case, term: int) -> bool:
-    """Whether a cause alone makes what a term makes: readings that show it show the cause."""
+    """Whether a cause alone makes what a term makes: readings that show it show the cause.
+
+    Or, beside what is linear, all that any smooth function of its quantity makes.
+    """
     c, own = case.candidates, _directions(case, term)
-    if not own.shape[1]:
+    smooth = _smooth(case, term)
+    if not own.shape[1] or (smooth is not None and c.makes_any(smooth, case.plain.basis)):
         return True
     made = c.gains(own).mean(axis=1)[np.isfinite(c.penalty)]
     return bool(np.max(made, initial=0.0) > SAME**2)

@@ -249,9 +249,12 @@ def _covariates(rows: _Rows) -> tuple[Covariate, ...]:
         )
     if data.turn_deg is not None:
         out.append(Covariate("turn of the instrument", rows.sense.astype(int), classes=True))
-    out.append(Covariate("order of measurement", rows.row.astype(float), sequence=True))
+    back = len(data.stations[0]) < len(data)
+    order = rows.row.astype(float)
+    out.append(Covariate("order of measurement", order, sequence=True, comes_back=back))
     if data.time_s is not None:
-        out.append(Covariate("time", np.asarray(data.time_s)[rows.row], "s", sequence=True))
+        time = np.asarray(data.time_s)[rows.row]
+        out.append(Covariate("time", time, "s", sequence=True, comes_back=back))
     return tuple(out)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from trunnion.base.errors import InputError
 from trunnion.base.units import Flags, Floats, capital, parameter_words, unit_of
 from trunnion.diagnosis.model import Covariate, Model
-from trunnion.diagnosis.records import Cause, Residuals, labelled, percent, with_unit
+from trunnion.diagnosis.records import NO_CAUSE, Cause, Residuals, labelled, percent, with_unit
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.machine.estimate import Estimate
 from trunnion.plot.coordinates import (
@@ -296,7 +296,7 @@ def alternatives_picture(d: Diagnosis) -> Picture | None:
     if len(sets) < 2:
         return None
     shared = frozenset.intersection(*(a.causes for a in sets))
-    none = "no further cause" if shared else "no cause"
+    none = "no further cause" if shared else NO_CAUSE
     names = tuple(" + ".join(_called(d, a.causes - shared)) or none for a in sets)
     also = f"In all of them: {'; '.join(_called(d, shared))}." if shared else ""
     chances = [a.probability for a in sets]

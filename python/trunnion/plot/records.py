@@ -6,7 +6,7 @@ import numpy as np
 
 from trunnion.base.units import capital, unit_of
 from trunnion.diagnosis.contributions import Contribution
-from trunnion.diagnosis.records import Cause, Gain
+from trunnion.diagnosis.records import NO_CAUSE, Cause, Gain
 from trunnion.diagnosis.structure import Structure
 from trunnion.models.next_measurement import NextMeasurement
 from trunnion.models.next_passes import MIN_DISTANCE, NextPass
@@ -88,7 +88,7 @@ def structure_pictures(s: Structure) -> list[Picture]:
 def next_picture(one: NextMeasurement | NextPass) -> Picture:
     """Return how far a further test sets each other set of causes from the named one."""
     ranked = sorted(one.apart.items(), key=lambda pair: -pair[1])[:MAX_NAMES]
-    values = {" + ".join(sorted(causes)) or "no cause": size for causes, size in ranked}
+    values = {" + ".join(sorted(causes)) or NO_CAUSE: size for causes, size in ranked}
     minutes = f", {one.minutes:.0f} min" if isinstance(one, NextMeasurement) else ""
     p = bars_picture(
         f"{capital(one.label)}{minutes}",

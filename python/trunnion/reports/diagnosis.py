@@ -11,7 +11,7 @@ from trunnion.base.units import capital
 from trunnion.data.axis_log import AxisLog
 from trunnion.data.positioning import Positioning
 from trunnion.diagnosis.contributions import bias_table
-from trunnion.diagnosis.records import percent
+from trunnion.diagnosis.records import NO_CAUSE, percent
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.selection import WITHIN
 from trunnion.files.table import Table as DataTable
@@ -230,7 +230,7 @@ def _alternatives(found: Found) -> list[Item]:
     unit = d.gain.unit if not d.gain.others else "noise"
     rows = [
         (
-            " + ".join(sorted(map(found.label, a.causes))) or "no cause",
+            " + ".join(sorted(map(found.label, a.causes))) or NO_CAUSE,
             Shown(a.probability, percent(a.probability)),
             "best"
             if a is d.evidence[0] and a.distance < CLOSE
