@@ -242,6 +242,8 @@ class Candidates:
         """
         some = polynomials[:, :SMOOTH_DEGREE]
         line, *curved = (some - basis @ (basis.T @ some)).T
+        if not curved:  # of a quantity of two values
+            return False
         sizes = np.square(np.linalg.norm(curved, axis=1))
         many = np.flatnonzero(self.rank >= len(curved)).tolist()
         for columns in (np.vstack([self.columns(b), line]).T for b in many):
