@@ -8,6 +8,7 @@ import pytest
 from trunnion.base.resolution import NO_FLOOR, Floor
 from trunnion.base.units import Floats
 from trunnion.diagnosis.candidates import Candidates
+from trunnion.diagnosis.coloured import InProcess
 from trunnion.diagnosis.probability import Beside, Probabilities
 from trunnion.diagnosis.selection import search
 from trunnion.diagnosis.smooth import LENGTHS, SIZES, Along, polynomials
@@ -65,7 +66,7 @@ def test_beside_a_process_a_cause_keeps_its_sign_and_what_is_stated_of_it(seed: 
     whiten = Coloured(trend, np.array([[25.0]]))
     c = Candidates([column[None, :, None]], none)
     c.positive, c.stated = frozenset({0}), {0: 2.0}
-    beside = c.whitened(whiten)
+    beside = InProcess(c, whiten)
     white = np.asarray(whiten(column))
     assert beside.stated[0] == pytest.approx(
         2.0 * np.linalg.norm(white) / np.linalg.norm(column), rel=1e-9
@@ -84,7 +85,7 @@ def test_a_process_that_is_found_twice_counts_once() -> None:
     c = Candidates([rng.standard_normal((1, N, 1))], np.zeros((N, 0)))
     y = 3 * trend[:, 0] + rng.standard_normal(N)
     whiten = Coloured(trend, np.array([[25.0]]))
-    own = search(c.whitened(whiten), np.asarray(whiten(y)), floor=NO_FLOOR)
+    own = search(InProcess(c, whiten), np.asarray(whiten(y)), floor=NO_FLOOR)
     one, two = Beside(own, 6.0, 0), Beside(own, 7.0, 0)
     unnamed = [
         Probabilities(search(c, y, floor=NO_FLOOR), c, processes=some).unnamed

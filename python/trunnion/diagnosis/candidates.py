@@ -8,7 +8,6 @@ nonlinear parameters.
 import itertools
 from bisect import bisect_right
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from copy import copy
 from functools import cached_property
 from types import MappingProxyType
 
@@ -19,6 +18,7 @@ from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.columns import (
     DEPENDENT,
+    ROUNDING,
     Part,
     Piece,
     Shelf,
@@ -29,7 +29,6 @@ from trunnion.diagnosis.columns import (
     storage,
     unit_blocks,
 )
-from trunnion.diagnosis.whitening import Whiten
 
 # The same where the model is known to be incomplete (3 % of its length): or its gaps decide.
 DEPENDENT_INCOMPLETE = 1e-3
@@ -160,26 +159,6 @@ class Candidates:
         new.dependent, new.positive = self.dependent, self.positive
         return new
 
-    def whitened(self, whiten: Whiten) -> "Candidates":
-        """Return these candidates where the noise beside the basis is to be whitened so."""
-        new = copy(self)
-        columns = np.asarray(whiten(np.concatenate([part[:] for part in self._parts]).T)).T
-        left = np.ones(len(self.owner))  # of the length of a column, mean of a block
-        for _, blocks, at in self.by_rank:
-            q, r = np.linalg.qr(columns[at].swapaxes(1, 2))
-            length = np.diagonal(r, axis1=1, axis2=2)
-            # A column keeps its direction: a negative size may say nothing.
-            columns[at] = (q * np.sign(length)[:, None]).swapaxes(1, 2)
-            left[blocks] = np.abs(length).mean(axis=1)
-        new.stated = {
-            j: std * float(left[self.owner == j].mean())
-            for j, std in self.stated.items()
-            if j in self.owner
-        }
-        new._parts, new._ends = (columns,), [len(columns)]
-        new._gram_rows, new._last, new._known = {}, None, None
-        return new
-
     def inflate(self, factor: Floats) -> None:
         """Raise the penalty of each block by a factor (b,): it gains so much more by chance."""
         self.penalty = self.penalty + (factor - self.inflation) * self.chance
@@ -241,14 +220,20 @@ class Candidates:
         its own; ``basis``: orthonormal, of what is always fitted, (n, p).
         """
         some = polynomials[:, :SMOOTH_DEGREE]
-        line, *curved = (some - basis @ (basis.T @ some)).T
-        if not curved:  # of a quantity of two values
+        some = some - basis @ (basis.T @ some)
+        squares = some.T @ some
+        if len(squares) < 2:  # of a quantity of two values nothing is curved
             return False
-        sizes = np.square(np.linalg.norm(curved, axis=1))
-        many = np.flatnonzero(self.rank >= len(curved)).tolist()
-        for columns in (np.vstack([self.columns(b), line]).T for b in many):
-            made = columns @ np.linalg.lstsq(columns, np.transpose(curved), rcond=None)[0]
-            if np.all(np.sum(made**2, axis=0) > MADE * sizes):
+        for k, blocks, _ in self.by_rank:
+            if k < len(squares) - 1:
+                continue
+            # The columns of a block are orthonormal, and what they leave of the line beside them.
+            own = np.stack([self.columns(b) @ some for b in blocks.tolist()])
+            made = own.transpose(0, 2, 1) @ own
+            left = (squares - made)[:, 0]
+            line = np.where(left[:, 0] > ROUNDING * squares[0, 0], left[:, 0], np.inf)
+            made = np.diagonal(made, axis1=1, axis2=2) + left**2 / line[:, None]
+            if np.any(np.all(made[:, 1:] > MADE * np.diag(squares)[1:], axis=1)):
                 return True
         return False
 

@@ -1,7 +1,6 @@
 """Smooth processes that may act instead of causes of the best set, or beside it."""
 
-import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.linalg import orth
@@ -10,16 +9,18 @@ from trunnion.base.resolution import Floor
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats
 from trunnion.diagnosis.case import Case
+from trunnion.diagnosis.coloured import InProcess
 from trunnion.diagnosis.columns import DEPENDENT
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.probability import Beside
 from trunnion.diagnosis.scan import smooth_functions
 from trunnion.diagnosis.selection import REACH, WITHIN, Found, search
-from trunnion.diagnosis.smooth import Along, Process
+from trunnion.diagnosis.smooth import Along, Sums, mean_deviance
 from trunnion.diagnosis.whitening import Whiten
 
 MAX_QUANTITIES = 6  # along which there may be a process: each is compared with sets by itself
 MAX_REPLACED = 5  # causes of a set, of which any number may be a process instead
+FEW_REPLACED = 2  # of more causes at a time, or all
 
 
 def processes(case: Case, best: Found) -> list[Beside]:
@@ -35,16 +36,16 @@ def processes(case: Case, best: Found) -> list[Beside]:
         return []
     price = 2.0 * float(np.log(max(c.multiplicity, 1.0) * len(every)))
     quantities = [Along(x, plain.basis, plain.white, case.floor) for x in every]
-    instead, beside = (
-        _likeliest(case, quantities, sets) for sets in (_replaced(best), [best.blocks])
-    )
-    found = [(instead, best.score + REACH), (beside, best.score + WITHIN)]
+    beside, *instead = _compared(case, quantities, best)
+    found = [(instead, REACH), ([beside], WITHIN)] if instead else [([beside], REACH)]
     out = []
-    for (score, process, quantity), most in found[: 2 if best.blocks else 1]:
-        if score + price < most:
+    for sets, most in found:
+        score, deviances, i = min(sets, key=lambda one: one[0])
+        if score + price < best.score + most:
+            process = quantities[i].process(deviances)
             white = np.asarray(process.whiten(plain.white))
-            searched = search(c.whitened(process.whiten), white, floor=case.floor)
-            out.append(Beside(searched, process.cost + price, quantity))
+            searched = search(InProcess(c, process.whiten), white, floor=case.floor)
+            out.append(Beside(searched, process.cost + price, i))
     return out
 
 
@@ -74,22 +75,41 @@ def share_of_noise(
     return min(float(floor.noise(float(noise @ noise), dof) / floor.noise(rss, dof)), 1.0)
 
 
-def _replaced(best: Found) -> list[tuple[int, ...]]:
-    """Blocks of a set without some of its causes, and without all."""
-    blocks, count = best.blocks, len(best.blocks)
-    sizes = range(count) if count <= MAX_REPLACED else (0, count - 2, count - 1)
-    return [some for k in sizes for some in itertools.combinations(blocks, k)] or [()]
+def _compared(
+    case: Case, quantities: Sequence[Along], best: Found
+) -> list[tuple[float, Floats, int]]:
+    """Compare processes beside the best set, and beside sets of some of its causes.
+
+    Of each set the score of the likeliest process, -2 ln L of all along its quantity, and which
+    that is. The best set is first. Of many causes some are left out at a time, or all.
+    """
+    c, blocks = case.candidates, best.blocks
+    none = np.zeros((len(case.rows), 0))
+    columns = np.concatenate([none, *(c.columns(b).T for b in blocks)], axis=1)
+    widths, many = c.rank[list(blocks)].tolist(), len(blocks) > MAX_REPLACED
+    whole = Sums.together([q.sums(columns) for q in quantities])
+    sets = list(_fewer(whole, widths, FEW_REPLACED if many else len(blocks)))
+    if many:
+        nothing = Sums.together([q.sums(none) for q in quantities])
+        sets.append((tuple(range(len(blocks))), nothing))
+    left, log_det = (np.stack(x) for x in zip(*((x.left, x.log_det) for _, x in sets), strict=True))
+    deviances = quantities[0].deviances(left, log_det)
+    scores, penalty = mean_deviance(deviances), c.penalty[list(blocks)]
+    scores += np.array([np.sum(np.delete(penalty, gone)) for gone, _ in sets])[:, None]
+    least = np.argmin(scores, axis=1).tolist()
+    return [(float(s[i]), x[i], i) for s, x, i in zip(scores, deviances, least, strict=True)]
 
 
-def _likeliest(
-    case: Case, quantities: Sequence[Along], sets: Sequence[tuple[int, ...]]
-) -> tuple[float, Process, int]:
-    """Return the score of the best process beside one of some sets, it, and its quantity."""
-    c, found = case.candidates, []
-    for blocks in sets:
-        columns = [c.columns(b) for b in blocks] or [np.zeros((0, len(case.rows)))]
-        fitted = np.linalg.qr(np.concatenate(columns).astype(np.float64).T)[0]
-        paid = float(np.sum(c.penalty[list(blocks)]))
-        made = [q.beside(fitted) for q in quantities]
-        found += [(p.deviance + paid, p, i) for i, p in enumerate(made)]
-    return min(found, key=lambda one: one[0])
+def _fewer(
+    sums: Sums, widths: Sequence[int], most: int, begin: int = 0
+) -> Iterator[tuple[tuple[int, ...], Sums]]:
+    """Leave out blocks, at most so many at a time: which of them, and the sums beside the others.
+
+    ``widths``: of the blocks that may go; ``begin``: first column of these.
+    """
+    yield (), sums
+    for i, width in enumerate(widths if most else ()):
+        smaller = sums.without(range(begin, begin + width))
+        for gone, one in _fewer(smaller, widths[i + 1 :], most - 1, begin):
+            yield (i, *(i + 1 + j for j in gone)), one
+        begin += width

@@ -139,8 +139,7 @@ class Search:
         rss = float(r @ r)
         self.score = _Scorer(c.dof, floor, 1e-14 * rss)
         self.residual = c.products(r)
-        self._positive = np.isin(c.owner, sorted(c.positive))
-        self.core = self._core(np.arange(len(c.owner)), c.start, c.width)
+        self.core = self._core()
         self.empty = _State(0, (), self.core.empty(self.residual, rss))
         self._path = [self.empty]  # of the last set that was built, block by block
         self.owner: list[int] = c.owner.tolist()
@@ -310,28 +309,19 @@ class Search:
 
         No columns of others have a part in it.
         """
-        c = self.c
-        few = np.array(sorted({*blocks, *further}))
-        rank = c.rank[few]
-        ends = np.cumsum(rank)
-        at = np.arange(ends[-1]) + np.repeat(c.start[few] - ends + rank, rank)
-        core = self._core(few, ends - rank, len(at))
-        left = core.empty(self.residual[at], self.nothing.rss)
-        for b in blocks:
-            left = core.extended(left, int(np.searchsorted(few, b)), c.gram_rows(b)[:, at])
-        first = int(np.searchsorted(few, further.start))
-        return left.rss, core.gains(left)[first : first + len(further)]
+        rows = [(b, self.c.gram_rows(b)) for b in blocks]
+        return self.core.gains_beside(self.empty.core, rows, further.start, further.stop)
 
-    def _core(self, blocks: Integers, start: Integers, width: int) -> CauseBlocks:
-        """Blocks as the core knows them; ``start``: of each its first of so many columns."""
+    def _core(self) -> CauseBlocks:
+        """Return the blocks as the core knows them."""
         c = self.c
         return CauseBlocks(
-            width=width,
-            start=start.tolist(),
-            rank=c.rank[blocks].tolist(),
-            candidate=c.owner[blocks].tolist(),
-            penalty=c.penalty[blocks],
-            positive=self._positive[blocks].tolist(),
+            width=c.width,
+            start=c.start.tolist(),
+            rank=c.rank.tolist(),
+            candidate=c.owner.tolist(),
+            penalty=c.penalty,
+            positive=np.isin(c.owner, sorted(c.positive)).tolist(),
             dependent=c.dependent,
             degrees_of_freedom=c.dof,
             floor=self.score.floor.variance,

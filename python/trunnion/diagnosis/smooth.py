@@ -13,7 +13,7 @@ in readings.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 
@@ -27,6 +27,7 @@ LENGTHS = (0.15, 0.25, 0.4, 0.7, 1.2, 2.0, 3.5)  # of a process, in halves of th
 SIZES = 2.0 ** np.arange(-2, 11)  # of a process, in noises of a reading
 DEGREE = 24  # of polynomials: of the shortest process they leave a few per cent
 NODES = 64  # of the quadrature
+ROUNDING = 1e-14  # of a sum of squares
 SEEN = 1e-9  # of the longest combination of polynomials, what is more than rounding
 TINY = 1e-300
 
@@ -49,6 +50,60 @@ class Process:
     whiten: Coloured
     cost: float
     deviance: float
+
+
+@dataclass(frozen=True, eq=False)
+class Sums:
+    """Sums of squares that columns leave in noises; of fewer columns without another look at rows.
+
+    Attributes
+    ----------
+    table:
+        Inverse of the inner products of the columns, bordered by their sizes and the negative sum
+        of squares that is left, of each noise and last of white noise, (..., m + 1, q + 1, q + 1).
+    of_noise:
+        Logarithm of the determinants of the noises and of those inner products, (..., m + 1).
+    """
+
+    table: Floats
+    of_noise: Floats
+
+    @classmethod
+    def of(cls, products: Floats, log_det: Floats) -> Sums:
+        """Of the inner products of columns and, last, residuals in each noise, and white noise."""
+        inner, along = products[..., :-1, :-1], products[..., :-1, -1:]
+        inverse = np.linalg.inv(inner)
+        sizes = inverse @ along
+        rows, column = along.swapaxes(-1, -2), sizes.swapaxes(-1, -2)
+        left = rows @ sizes - products[..., -1:, -1:]
+        table = np.block([[inverse, sizes], [column, left]])
+        return cls(table, log_det + np.linalg.slogdet(inner)[1])
+
+    @classmethod
+    def together(cls, several: Sequence[Sums]) -> Sums:
+        """Those of several kinds of noise, beside the same columns."""
+        return cls(np.stack([x.table for x in several]), np.stack([x.of_noise for x in several]))
+
+    def without(self, columns: range) -> Sums:
+        """Return those beside the other columns."""
+        table, of_noise = self.table, self.of_noise
+        for j in columns:
+            pivot = table[..., j, j]
+            column = table[..., j]
+            table = table - column[..., None] * (column / pivot[..., None])[..., None, :]
+            of_noise = of_noise + np.log(pivot)
+        kept = np.delete(np.arange(table.shape[-1]), columns)
+        return Sums(table[..., kept[:, None], kept], of_noise)
+
+    @property
+    def left(self) -> Floats:
+        """Sum of squares in each noise, (..., m)."""
+        return np.asarray(-self.table[..., :-1, -1, -1])
+
+    @property
+    def log_det(self) -> Floats:
+        """Logarithm of the determinant of each noise beside the columns, (..., m)."""
+        return np.asarray(self.of_noise[..., :-1] - self.of_noise[..., -1:])
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,26 +134,48 @@ class Along:
         back = self._own[1]
         return np.asarray(back @ covariances(self.columns.shape[1]) @ back.T)
 
+    @cached_property
+    def _axes(self) -> tuple[Floats, Floats]:
+        """Variances of each process along its axes (l s, k), and these (l, k, k)."""
+        variance, axes = np.linalg.eigh(self._shapes)
+        each = np.maximum(variance, 0.0)[:, None] * SIZES[:, None] ** 2
+        return np.concatenate(each), axes
+
+    def sums(self, fitted: Floats) -> Sums:
+        """Return the sums of squares beside columns (n, q), in the noise with each process."""
+        every = np.column_stack([fitted, self.residuals])
+        variance, axes = self._axes
+        seen = axes.transpose(0, 2, 1) @ (self._own[0].T @ every)
+        seen = np.repeat(seen, len(SIZES), axis=0)
+        taken = seen.transpose(0, 2, 1) @ (seen * (variance / (1.0 + variance))[:, :, None])
+        products = every.T @ every - np.concatenate([taken, np.zeros((1, *taken.shape[1:]))])
+        return Sums.of(products, np.append(np.log1p(variance).sum(axis=1), 0.0))
+
+    def deviances(self, left: Floats, log_det: Floats) -> Floats:
+        """-2 ln L of the sums of squares that are left in noises of such determinants."""
+        dof = len(self.residuals) - self.basis.shape[1]
+        least = ROUNDING * float(self.residuals @ self.residuals)
+        return np.asarray(self.floor.deviance(np.maximum(left, least), dof) + log_det)
+
+    def process(self, deviances: Floats) -> Process:
+        """Return the likeliest process, of the deviances of all (l s,)."""
+        at, mean = int(np.argmin(deviances)), float(mean_deviance(deviances))
+        length, size = divmod(at, len(SIZES))
+        covariance = self._shapes[length] * SIZES[size] ** 2
+        whole = float(np.log1p(self._axes[0][at]).sum())
+        cost = whole + mean - float(deviances[at])
+        return Process(Coloured(self._own[0], covariance), cost, mean)
+
     def beside(self, fitted: Floats) -> Process:
-        """Return the likeliest process beside orthonormal columns (n, q) that are fitted, too."""
-        own, y = self._own[0], self.residuals
-        dof = len(y) - self.basis.shape[1]
-        taken, along = fitted.T @ own, fitted.T @ y
-        turn, back = _orthonormal(np.eye(own.shape[1]) - taken.T @ taken)
-        seen = turn.T @ (own.T @ y - taken.T @ along)
-        rest = float(y @ y - along @ along - seen @ seen)
-        variance, axes = np.linalg.eigh(back @ self._shapes @ back.T)
-        variance = 1.0 + np.maximum(variance, 0.0)[:, None] * SIZES[:, None] ** 2
-        squares = np.einsum("lij,i->lj", axes, seen)[:, None] ** 2
-        rss = np.maximum(rest, TINY) + np.sum(squares / variance, axis=2)
-        log_det = np.sum(np.log(variance), axis=2)
-        deviance = np.asarray(self.floor.deviance(rss, dof)) + log_det
-        length, size = np.unravel_index(int(np.argmin(deviance)), deviance.shape)
-        least = float(deviance[length, size])
-        of_all = -2.0 * float(np.log(np.mean(np.exp((least - deviance) / 2))))
-        more = self._shapes[length] * SIZES[size] ** 2
-        whole = np.linalg.slogdet(np.eye(len(more)) + more)[1]
-        return Process(Coloured(own, more), float(whole) + of_all, least + of_all)
+        """Return the likeliest process beside columns (n, q) that are fitted, too."""
+        sums = self.sums(fitted)
+        return self.process(self.deviances(sums.left, sums.log_det))
+
+
+def mean_deviance(deviances: Floats) -> Floats:
+    """-2 ln of the mean likelihood of all processes, (..., l s)."""
+    least = deviances.min(axis=-1)
+    return np.asarray(least - 2.0 * np.log(np.mean(np.exp((least[..., None] - deviances) / 2), -1)))
 
 
 def polynomials(values: Floats, distinct: Floats, most: int = DEGREE) -> Floats:

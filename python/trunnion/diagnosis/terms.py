@@ -2,7 +2,6 @@
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -91,8 +90,9 @@ def _smooth(case: Case, term: int) -> Floats | None:
     every = case.dictionary.terms
     if every[term].kind != "polynomial":
         return None
-    like = [replace(one, number=None) == replace(every[term], number=None) for one in every]
-    return case.dictionary.block(int(np.flatnonzero(like)[-1]))
+    of = (every[term].covariate, every[term].kind, every[term].component)
+    like = [i for i, one in enumerate(every) if (one.covariate, one.kind, one.component) == of]
+    return case.dictionary.block(like[-1])
 
 
 def has_a_name(case: Case, term: int) -> bool:

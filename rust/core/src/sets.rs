@@ -5,6 +5,8 @@
 //! basis, and of what it leaves of the residuals, with all columns. Scores are those of
 //! `trunnion.diagnosis.selection`, where the search is.
 
+use std::ops::Range;
+
 use nalgebra::{DMatrix, SymmetricEigen};
 
 use crate::{Error, Result};
@@ -274,6 +276,53 @@ impl Blocks {
         Ok((0..self.start.len()).map(|block| self.gain(set, block, at[block]).0).collect())
     }
 
+    /// What some blocks leave beside the empty set, and the drop of it by each of `further` blocks.
+    ///
+    /// `rows`: the blocks, each with the inner products of its columns with all (k, width). No
+    /// columns of others have a part in it.
+    ///
+    /// # Errors
+    /// Blocks that are not there, products of another size.
+    pub fn gains_beside(
+        &self,
+        empty: &Set,
+        rows: &[(usize, &[f64])],
+        further: Range<usize>,
+    ) -> Result<(f64, Vec<f64>)> {
+        let mut few: Vec<usize> = rows.iter().map(|row| row.0).chain(further.clone()).collect();
+        few.sort_unstable();
+        few.dedup();
+        let mut small = Self { dependent: self.dependent, ..Self::default() };
+        let mut columns = Vec::new();
+        for &block in &few {
+            let (_, start, rank) = self.of_block(empty, block)?;
+            small.start.push(columns.len());
+            small.rank.push(rank);
+            small.candidate.push(self.candidate[block]);
+            small.penalty.push(self.penalty[block]);
+            small.positive.push(self.positive[block]);
+            columns.extend(start..start + rank);
+        }
+        small.width = columns.len();
+        let residual = columns.iter().map(|&c| empty.residual[c]).collect();
+        let mut set = small.empty(residual, empty.rss)?;
+        let place = |block: usize| few.partition_point(|&b| b < block);
+        for &(block, products) in rows {
+            let expected = self.rank[block] * self.width;
+            if products.len() != expected {
+                return Err(Error::input("products", products.len(), expected.to_string()));
+            }
+            let own: Vec<f64> = products
+                .chunks_exact(self.width.max(1))
+                .flat_map(|row| columns.iter().map(|&c| row[c]))
+                .collect();
+            set = small.extended(&set, place(block), &own)?;
+        }
+        let first = place(further.start);
+        let gains = small.gains(&set)?.into_iter().skip(first).take(further.len()).collect();
+        Ok((set.rss, gains))
+    }
+
     /// Where the numbers of each block in [`Set::cross`] start, and their count.
     fn places(&self) -> Vec<usize> {
         let ends = self.pairs().scan(0, |end, pairs| {
@@ -296,7 +345,7 @@ impl Blocks {
         &self,
         set: &Set,
         number: usize,
-        blocks: std::ops::Range<usize>,
+        blocks: Range<usize>,
         (score, at): (&Score, &[usize]),
     ) -> Option<Tried> {
         let size = set.columns();
@@ -436,6 +485,11 @@ mod tests {
         assert!((tried[0].rss - 1.0).abs() < 1e-12, "{}", tried[0].rss);
         let all = blocks.extended(&two, 2, &rows(2..4))?;
         assert!((all.rss - 1.0).abs() < 1e-12, "{}", all.rss);
+        let (left, gains) =
+            blocks.gains_beside(&empty, &[(1, &rows(1..2)), (0, &rows(0..1))], 2..3)?;
+        assert!((left - two.rss).abs() < 1e-12, "{left}");
+        assert!((left - gains[0] - all.rss).abs() < 1e-12, "{gains:?}");
+        assert!(blocks.gains_beside(&empty, &[(3, &rows(0..1))], 2..3).is_err());
         Ok(())
     }
 

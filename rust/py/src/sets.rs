@@ -97,13 +97,25 @@ impl CauseBlocks {
         Ok(CauseSet { inner })
     }
 
-    /// Drop of the sum of squares by each block beside a set (b,).
-    fn gains<'py>(
+    /// What some blocks leave of the empty set's sum of squares, and the drop of it by each of the
+    /// blocks from `first` to before `end` (b,). `blocks`: each with the inner products of its columns
+    /// with all (k, m).
+    #[allow(clippy::needless_pass_by_value, reason = "pyo3 extracts owned values")]
+    fn gains_beside<'py>(
         &self,
         py: Python<'py>,
-        beside: &CauseSet,
-    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        array(py, self.inner.gains(&beside.inner).into_py()?)
+        empty: &CauseSet,
+        blocks: Vec<(usize, PyReadonlyArray2<'py, f64>)>,
+        first: usize,
+        end: usize,
+    ) -> PyResult<(f64, Bound<'py, PyArray1<f64>>)> {
+        let products = blocks
+            .iter()
+            .map(|(block, x)| Ok((*block, rows("products with a block", x, self.inner.width)?)))
+            .collect::<PyResult<Vec<_>>>()?;
+        let beside: Vec<(usize, &[f64])> = products.iter().map(|(b, x)| (*b, &x[..])).collect();
+        let (rss, gains) = self.inner.gains_beside(&empty.inner, &beside, first..end).into_py()?;
+        Ok((rss, array(py, gains)?))
     }
 
     /// Every candidate beside every set, at its best block, best first: score, number of the set,
