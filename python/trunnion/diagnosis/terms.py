@@ -5,8 +5,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats
 from trunnion.diagnosis.case import Case
+from trunnion.diagnosis.columns import inner
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.scan import DEPENDENT, UNNAMED_TERM_PENALTY, Term
 from trunnion.diagnosis.selection import SCORE_DIGITS, WITHIN, Found
@@ -62,7 +64,12 @@ def _parts(case: Case, f: Found, whole: Floats) -> list[Floats]:
     """What each cause of a set makes of what they make together of some columns, each (n, ...)."""
     c = case.candidates
     columns = [c.columns(b) for b in f.blocks]
-    sizes = np.linalg.lstsq(np.concatenate(columns).T, whole, rcond=c.dependent)[0]
+    every = np.concatenate(columns)
+    if len(whole) < MANY_ROWS:
+        sizes = np.linalg.lstsq(every.T, whole, rcond=c.dependent)[0]
+    else:  # the search has their inner products; these have the square of the singular values
+        products = inner(every, whole)
+        sizes = np.linalg.lstsq(c.gram(f.blocks), products, rcond=c.dependent**2)[0]
     ends = np.cumsum([len(x) for x in columns])[:-1]
     return [x.T @ own for x, own in zip(columns, np.split(sizes, ends), strict=True)]
 
