@@ -23,6 +23,7 @@ from trunnion.base.rounded import rounds_to_all
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import DEPENDENT_INCOMPLETE, Candidates
+from trunnion.diagnosis.cross_validation import cross_validated
 from trunnion.diagnosis.dependence import growth as growth_by_dependence
 from trunnion.diagnosis.dependence import growth_apart
 from trunnion.diagnosis.effect import Effect, Values
@@ -42,6 +43,7 @@ CERTAIN_P = 1e-9  # below which an effect is there without doubt, however many w
 RARE_LEVEL = 1e-12  # at which a rare effect is named
 TINY = 1e-300
 
+Sizes: TypeAlias = Callable[[Floats, Floats, float], Floats]
 Sets: TypeAlias = list[tuple[dict[int, int], float, float]]
 """Candidate: variant; distance to the best set; RSS."""
 
@@ -299,6 +301,31 @@ class Case:
     @cached_property
     def _rounds(self) -> dict[Fit, bool]:
         return {}
+
+    @cached_property
+    def _predicted(self) -> dict[Fit, Floats]:
+        return {}
+
+    @cached_property
+    def _sizes(self) -> dict[tuple[Fit, Sizes], Floats]:
+        return {}
+
+    def cross_validated(self, f: Fit) -> Floats:
+        """Readings less their predictions from all other groups, by a fit (m,) (kept)."""
+        if f not in self._predicted:
+            self._predicted[f] = cross_validated(self.model, self.rows, f, self.whiten)
+        return self._predicted[f]
+
+    def sizes(self, f: Fit, of: Sizes) -> Floats:
+        """Sizes of what a fit leaves of readings, by a function of :mod:`.outliers` (m,) (kept)."""
+        if (f, of) not in self._sizes:
+            self._sizes[f, of] = of(f.basis, f.white, self.least_noise)
+        return self._sizes[f, of]
+
+    @property
+    def least_noise(self) -> float:
+        """Least noise of a whitened reading."""
+        return float(np.sqrt(self.floor.variance))
 
     def _errors_of_rounding(
         self, of: Fit | None = None, *, spread: float = 0.0, wide: bool = False

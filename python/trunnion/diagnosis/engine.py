@@ -306,7 +306,10 @@ def _by_number_alone(case: Case, choice: Choice) -> bool:
         return False
     kept = case.without(choice[2])
     left = found.rss < share * kept.plain.rss
-    return left and not better(case.model, kept.rows, kept.whiten, kept.plain, found)
+    if not left:
+        return False
+    before, after = (kept.cross_validated(one) for one in (kept.plain, found))
+    return not better(case.model, kept.rows, before, after)
 
 
 def _without_causes(case: Case, choice: Choice, why: str) -> tuple[Case, Choice]:
@@ -388,7 +391,7 @@ def _choose(case: Case) -> Choice:
     # A robust fit may follow a bad reading that weighs much, and blame those that check it.
     snooped = none
     if len(aside):
-        snooped = out.one_by_one(case.plain.basis, case.plain.white, _least(case))
+        snooped = out.one_by_one(case.plain.basis, case.plain.white, case.least_noise)
     elif (best[1].sets or best[1].terms) and not case.exact(best[1].fit):
         # Something is wrong: perhaps a reading that is not far enough out to say so by itself.
         snooped = _far_out(case, case.plain, out.SUSPECT_LEVEL)
@@ -482,17 +485,12 @@ def _far_out(case: Case, f: Fit, level: float = out.OUTLIER_LEVEL) -> Integers:
     """Find readings far out under a fit (indices into the readings it used)."""
     leverage = np.einsum("ij,ij->i", f.basis, f.basis)
     size = np.abs(f.white) / np.sqrt(np.maximum(1 - leverage, out.MIN_FREE))
-    least = _least(case)
+    least = case.least_noise
     typical = max(np.median(size) / 0.6745, least)
     if f.dof < MIN_DOF or typical <= 0 or size.max() < FAR_SIGMAS * typical:
         return np.zeros(0, dtype=np.intp)
-    far = out.far_out(out.robust_sizes(f.basis, f.white, least), f.dof, least, level)
+    far = out.far_out(case.sizes(f, out.robust_sizes), f.dof, least, level)
     if len(far):
         return far
     # A robust fit may follow a bad reading that weighs much.
-    return out.far_out(out.snooped_sizes(f.basis, f.white, least), f.dof, least, level)
-
-
-def _least(case: Case) -> float:
-    """Least noise of a whitened reading."""
-    return float(np.sqrt(case.floor.variance))
+    return out.far_out(case.sizes(f, out.snooped_sizes), f.dof, least, level)

@@ -12,7 +12,6 @@ from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case, Explanation, kept_rows
 from trunnion.diagnosis.contributions import contributions_of
-from trunnion.diagnosis.cross_validation import cross_validated
 from trunnion.diagnosis.doubt import Doubt
 from trunnion.diagnosis.effect import Values
 from trunnion.diagnosis.explain import MIN_EXPLAINED, with_behind
@@ -298,12 +297,12 @@ def _notes_of_steps(case: Case, variance: float) -> tuple[str, ...]:
 def _gain(case: Case, rows: Integers, plain: Fit, f: Fit, left: Floats) -> Gain:
     """Residuals fitted (``left``) and cross-validated, on the readings that are no outliers."""
     units, index = units_of(case.model.readings)
-    before = cross_validated(case.model, rows, case.given or plain, case.whiten)
+    before = case.cross_validated(case.given or plain)
     return Gain.of(
         (case.given or plain).residuals[rows],
         left[rows],
         before,
-        before if f is plain else cross_validated(case.model, rows, f, case.whiten),
+        before if f is plain else case.cross_validated(f),
         units,
         index[rows],
     )

@@ -171,9 +171,10 @@ def with_structure(kept: Case, e: Explanation, f: Fit) -> tuple[Case, Fit, Formu
         return kept, f, None
     if found.rss >= f.rss or found.dof < 1 or not _distinguished(f, found):
         return kept, f, None
-    if not better(model, kept.rows, kept.whiten, f, found):
+    whole = replace(kept, model=model)
+    if not better(model, kept.rows, kept.cross_validated(f), whole.cross_validated(found)):
         return kept, f, None
-    return replace(kept, model=model), found, source
+    return whole, found, source
 
 
 def _distinguished(without: Fit, found: Fit) -> bool:
