@@ -26,6 +26,7 @@ from trunnion.diagnosis.columns import (
     inner,
     neighbours,
     products,
+    squared_products,
     storage,
     unit_blocks,
 )
@@ -295,8 +296,8 @@ class Candidates:
         at = np.searchsorted(self.owner, alone)
         rank = self.rank[at]
         if len(alone):
-            some = np.concatenate([self.columns(int(b)) for b in at])
-            squares = inner(some, some.T) ** 2
+            some = [self.columns(int(b)) for b in at]
+            squares = squared_products(some)
             first = np.concatenate([[0], np.cumsum(rank)[:-1]]).astype(np.intp)
             overlap = np.add.reduceat(np.add.reduceat(squares, first, axis=0), first, axis=1)
             same = (np.abs(overlap - rank) < DEPENDENT) & (rank == rank[:, None])

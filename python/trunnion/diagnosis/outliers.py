@@ -79,9 +79,10 @@ def _moments(basis: Floats, values: Floats, weights: Floats) -> tuple[Floats, Fl
     n, p = basis.shape
     gram, right = np.zeros((p, p)), np.zeros(p)
     for some in at_hand(n):
-        heavy = (basis[some] * weights[some, None]).T
-        gram += heavy @ basis[some]
-        right += heavy @ values[some]
+        root = np.sqrt(weights[some])
+        heavy = basis[some] * root[:, None]
+        gram += heavy.T @ heavy  # symmetric: half of the work
+        right += (values[some] * root) @ heavy
     solution = np.linalg.lstsq(gram, right, rcond=None)[0]
     return gram, right, np.asarray(values - basis @ solution)
 

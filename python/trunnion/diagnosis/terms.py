@@ -8,7 +8,7 @@ import numpy as np
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats
 from trunnion.diagnosis.case import Case
-from trunnion.diagnosis.columns import inner
+from trunnion.diagnosis.columns import inners
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.scan import DEPENDENT, UNNAMED_TERM_PENALTY, Term
 from trunnion.diagnosis.selection import SCORE_DIGITS, WITHIN, Found
@@ -62,16 +62,20 @@ def stands_for_causes(case: Case, best: Found) -> bool:
 
 def _parts(case: Case, f: Found, whole: Floats) -> list[Floats]:
     """What each cause of a set makes of what they make together of some columns, each (n, ...)."""
+    columns = [case.candidates.columns(b) for b in f.blocks]
+    sizes = _sizes(case, f, columns, whole)
+    return [x.T @ own for x, own in zip(columns, sizes, strict=True)]
+
+
+def _sizes(case: Case, f: Found, columns: Sequence[Floats], whole: Floats) -> list[Floats]:
+    """Sizes in some columns of the causes of a set, of each block of its ``columns``."""
     c = case.candidates
-    columns = [c.columns(b) for b in f.blocks]
-    every = np.concatenate(columns)
     if len(whole) < MANY_ROWS:
-        sizes = np.linalg.lstsq(every.T, whole, rcond=c.dependent)[0]
+        sizes = np.linalg.lstsq(np.concatenate(columns).T, whole, rcond=c.dependent)[0]
     else:  # the search has their inner products; these have the square of the singular values
-        products = inner(every, whole)
+        products = np.concatenate(inners(columns, whole))
         sizes = np.linalg.lstsq(c.gram(f.blocks), products, rcond=c.dependent**2)[0]
-    ends = np.cumsum([len(x) for x in columns])[:-1]
-    return [x.T @ own for x, own in zip(columns, np.split(sizes, ends), strict=True)]
+    return np.split(sizes, np.cumsum([len(x) for x in columns])[:-1])
 
 
 def _evidence(case: Case, f: Fit) -> Floats:
@@ -125,8 +129,12 @@ def is_a_sum(case: Case, term: int, best: Found) -> bool:
     if not best.blocks:
         return False
     own = _directions(case, term)
-    parts = _parts(case, best, own)
-    left = own - np.sum(parts, axis=0)
+    every = [case.candidates.columns(b) for b in best.blocks]
+    parts = _sizes(case, best, every, own)
+    left = own.copy()
+    for x, size in zip(every, parts, strict=True):
+        left -= x.T @ size
+    # columns of a block are orthonormal, so that sizes are those of what they make
     *sizes, rest = (float(np.einsum("ij,ij->j", x, x).max(initial=0.0)) for x in (*parts, left))
     acting = [b for b, size in zip(best.blocks, sizes, strict=True) if size > SAME_SHARE]
     columns = int(np.sum(case.candidates.rank[acting]))
