@@ -226,13 +226,18 @@ def basis_of(
     :func:`quick_factor`.
     """
     free = ~fit.held
-    some = columns if free.all() or mixed is not None else columns[:, free]
+    some = slice(None) if free.all() or mixed is not None else free
     weights = _whitening(factor[:, :-1][:, free])
-    basis = some @ (weights if mixed is None else mixed[:, free] @ weights)
+    weights = weights if mixed is None else mixed[:, free] @ weights
+    basis = np.empty((len(columns), weights.shape[1]))
+    for rows in _some_rows(*columns.shape):
+        np.matmul(columns[rows, some], weights, out=basis[rows])
     weakest = fit.singular_values[: fit.rank].min(initial=np.inf)
     if weakest < WELL_CONDITIONED:
-        basis = basis @ _whitening(quick_factor(basis, np.zeros(len(basis)))[:, :-1])
-    return np.asarray(basis)
+        turn = _whitening(quick_factor(basis, np.zeros(len(basis)))[:, :-1])
+        for rows in _some_rows(*basis.shape):
+            basis[rows] = basis[rows] @ turn
+    return basis
 
 
 def _whitening(factor: Floats) -> Floats:

@@ -6,6 +6,7 @@ do not identify of an effect stays zero. Time is linear in readings, whatever th
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -34,21 +35,17 @@ def cross_validated(model: Model, rows: Integers, f: Fit, whiten: Whiten) -> Flo
     groups = np.asarray(model.groups if noise is None else noise.groups)
     labels = groups[rows]
     order = np.argsort(labels, kind="stable")
-    problem, start = _Problem.of(rows, *_in_groups(model, rows, f, whiten)).in_groups(labels, order)
-    gram = problem.white.T @ problem.white
-    rhs = problem.white.T @ problem.y
-    frame = _frame(gram[: problem.p, : problem.p])
-    to_basis = np.asarray(np.linalg.inv(problem.basis.T @ problem.white), dtype=np.float64)
-    ordered = np.empty(len(rows))
-    for groups in _chunks(start):
-        part = slice(start[groups[0]], start[groups[-1] + 1])
-        at = start[groups] - part.start
-        ordered[part], sure = _left_out(problem, to_basis, part, at)
-        for g in groups[~sure]:
-            own = slice(start[g], start[g + 1])
-            ordered[own] = _own_fit(problem, gram, rhs, frame, own)
+    ordered = labels[order]
+    first = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]]))
+    start = np.append(first, len(labels)).astype(np.intp)
+    problem = _Problem.of(rows, *_in_groups(model, rows, f, whiten))
     errors = np.empty(len(rows))
-    errors[order] = ordered
+    for groups in _chunks(start):
+        part = order[start[groups[0]] : start[groups[-1] + 1]]
+        errors[part], sure = _left_out(problem, part, start[groups] - start[groups[0]])
+        for g in groups[~sure]:
+            own = order[start[g] : start[g + 1]]
+            errors[own] = _own_fit(problem, own)
     return errors
 
 
@@ -94,20 +91,23 @@ def better(model: Model, rows: Integers, plain: Floats, found: Floats) -> bool:
 
 @dataclass
 class _Problem:
-    """A linear problem about a fit: p nuisance and k effect columns, white (unit length) and raw.
+    """A linear problem about a fit: p nuisance and k effect columns, white and raw.
 
-    ``y``: what there is to explain, to first order, effects taken out; ``residual``: what the fit
-    to all readings leaves of it; ``basis``: orthonormal basis of the white columns.
+    ``scale``: length of each white column, which all are divided by where they are used; ``y``:
+    what there is to explain, to first order, effects taken out; ``residual``: what the fit to all
+    readings leaves of it; ``basis``: orthonormal basis of the white columns.
     """
 
     p: int
     white: Floats
     raw: Floats
+    scale: Floats
     y: Floats
     y_raw: Floats
     residual: Floats
     residual_raw: Floats
     basis: Floats
+    to_basis: Floats
 
     @classmethod
     def of(cls, rows: Integers, f: Fit, whiten: Whiten) -> "_Problem":
@@ -121,23 +121,28 @@ class _Problem:
         raw = white if same else f.jacobian[some] @ f.directions.T
         y_raw = f.residuals[rows] + raw @ own
         y = np.asarray(whiten(f.residuals))[rows] + white @ own
-        scale = np.linalg.norm(white, axis=0)
-        white = white / scale
-        raw = white if same else raw / scale
-        part = f.basis.T @ y
-        residual_raw = y_raw - raw @ np.linalg.solve(f.basis.T @ white, part)
+        scale = np.sqrt(np.einsum("ij,ij->j", white, white))
+        part, beside = f.basis.T @ y, f.basis.T @ white
+        residual_raw = y_raw - raw @ np.linalg.solve(beside, part)
         p = int(np.any(f.directions[:, : len(f.nuisance)], axis=1).sum())
-        return cls(p, white, raw, y, y_raw, y - f.basis @ part, residual_raw, f.basis)
+        to_basis = np.asarray(np.linalg.inv(beside / scale), dtype=np.float64)
+        left = y - f.basis @ part
+        return cls(p, white, raw, scale, y, y_raw, left, residual_raw, f.basis, to_basis)
 
-    def in_groups(self, labels: Integers, order: Integers) -> tuple["_Problem", Integers]:
-        """Sort the readings by group; with where each group starts, and where the last ends."""
-        ordered = labels[order]
-        first = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]]))
-        start = np.append(first, len(labels)).astype(np.intp)
-        white = self.white[order]
-        raw = white if self.raw is self.white else self.raw[order]
-        rest = (self.y, self.y_raw, self.residual, self.residual_raw, self.basis)
-        return _Problem(self.p, white, raw, *(x[order] for x in rest)), start
+    @cached_property
+    def gram(self) -> Floats:
+        """Inner products of the white columns."""
+        return np.asarray(self.white.T @ self.white / np.outer(self.scale, self.scale))
+
+    @cached_property
+    def rhs(self) -> Floats:
+        """Inner products of the white columns with what there is to explain."""
+        return np.asarray(self.y @ self.white / self.scale)
+
+    @cached_property
+    def frame(self) -> Floats:
+        """Directions of the nuisance that all readings together identify."""
+        return _frame(self.gram[: self.p, : self.p])
 
 
 def _chunks(start: Integers) -> list[Integers]:
@@ -146,9 +151,7 @@ def _chunks(start: Integers) -> list[Integers]:
     return np.split(np.arange(len(chunk)), np.flatnonzero(np.diff(chunk)) + 1)
 
 
-def _left_out(
-    problem: _Problem, to_basis: Floats, part: slice, at: Integers
-) -> tuple[Floats, Flags]:
+def _left_out(problem: _Problem, part: Integers, at: Integers) -> tuple[Floats, Flags]:
     """Misses of groups whose readings the others predict, and of which groups that is sure.
 
     With q the rows of a group in the basis and e its residuals in the fit to all, the fit to the
@@ -169,16 +172,16 @@ def _left_out(
     kept[~sure] = np.eye(q.shape[1])
     change = np.linalg.solve(kept, pull[:, :, None])[:, :, 0]
     each = np.repeat(change, np.diff(np.append(at, len(q))), axis=0)
-    raw = problem.raw[part] @ to_basis
+    raw = (problem.raw[part] / problem.scale) @ problem.to_basis
     return problem.residual_raw[part] + np.einsum("ij,ij->i", raw, each), sure
 
 
-def _own_fit(problem: _Problem, gram: Floats, rhs: Floats, frame: Floats, part: slice) -> Floats:
+def _own_fit(problem: _Problem, part: Integers) -> Floats:
     """Misses of a group of which the others do not identify all."""
-    p = problem.p
-    a, y = problem.white[part], problem.y[part]
-    matrix = gram - a.T @ a
-    b = rhs - a.T @ y
+    p, frame = problem.p, problem.frame
+    a, y = problem.white[part] / problem.scale, problem.y[part]
+    matrix = problem.gram - a.T @ a
+    b = problem.rhs - a.T @ y
     inverse, unknown = _pseudo_inverse(frame.T @ matrix[:p, :p] @ frame)
     inverse, unknown = frame @ inverse @ frame.T, frame @ unknown
     cross = matrix[:p, p:]
@@ -188,7 +191,7 @@ def _own_fit(problem: _Problem, gram: Floats, rhs: Floats, frame: Floats, part: 
     beta = np.concatenate([inverse @ (b[:p] - cross @ effect), effect])
     if unknown.shape[1]:
         beta[:p] += unknown @ linear_fit(a[:, :p] @ unknown, y - a @ beta).solution
-    return np.asarray(problem.y_raw[part] - problem.raw[part] @ beta)
+    return np.asarray(problem.y_raw[part] - (problem.raw[part] / problem.scale) @ beta)
 
 
 def _frame(gram: Floats) -> Floats:
