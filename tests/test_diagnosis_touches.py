@@ -16,8 +16,11 @@ from typer.testing import CliRunner
 import trunnion as tn
 from power.study import ground
 from trunnion.cli import app
+from trunnion.diagnosis import explain, terms
+from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Values
 from trunnion.diagnosis.scan import Dictionary
+from trunnion.diagnosis.selection import Found
 from trunnion.diagnosis.whitening import Scaling
 from trunnion.models.touches import TouchDiagnosisModel
 from twin.forward import EFFECTS, Truth
@@ -313,6 +316,29 @@ def test_opposite_causes_are_no_structure_without_a_name(
         for cause in d.causes:
             for name, value in {**first, **second}[cause.id].items():
                 assert abs(cause.parameters[name] - value) < 4 * cause.std_errors[name]
+
+
+def test_causes_of_many_readings_make_terms_as_those_of_few_do(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Sizes from inner products of the causes are those of least squares of their columns."""
+    setup = ground("paper")[3]
+    causes = {"backlash_x": {"b_um": 6.0}, "backlash_y": {"b_um": -6.0}}
+    data = tn.Touches(measured(causes, "paper", 40).columns)
+    asked, sums = list[bool](), terms.is_a_sum
+
+    def counted(case: Case, term: int, best: Found) -> bool:
+        asked.append(sums(case, term, best))
+        return asked[-1]
+
+    monkeypatch.setattr(explain, "is_a_sum", counted)
+    few = tn.diagnose(data, setup)
+    of_few = list(asked)
+    assert set(of_few) == {False, True}
+    monkeypatch.setattr(terms, "MANY_ROWS", 0)
+    asked.clear()
+    assert tn.diagnose(data, setup) == few
+    assert asked == of_few
 
 
 def test_times_that_do_not_rise_are_named() -> None:
