@@ -347,3 +347,15 @@ def test_unknown_effects_are_no_combination_of_the_catalogue(name: str, kind: st
         rest = left_of(change, sizing.catalogue)
         assert np.sqrt(np.mean(rest**2)) > 0.7 - 1e-3
         assert np.abs(hidden.extra_um).max() <= 15 * 0.7
+
+
+@pytest.mark.parametrize("name", ["paper", "rich"])
+def test_a_jump_of_all_touches_is_a_shift_of_the_artefact(name: str) -> None:
+    plan, _, sizing = standard(name)
+    time = plan.conditions.time_s
+    jump = np.zeros((len(time), 3))
+    jump[time > 10 / 24 * time[-1], 0] = 5.0
+    wave = np.zeros_like(jump)
+    wave[:, 0] = 5.0 * np.sin(18.0 * time / time[-1])
+    assert sizing.shift_makes(jump, 1.0)
+    assert not sizing.shift_makes(wave, 1.0)

@@ -194,7 +194,10 @@ def draw_effects(
 
 
 def draw_unknown(rng: np.random.Generator, plan_name: str, rms_um: float) -> Unknown:
-    """An effect of which this rms is left that no combination of the catalogue makes."""
+    """An effect of which this rms is left that no combination of the catalogue makes.
+
+    Nor a shift of the artefact beside it, which is a cause by itself.
+    """
     plan, _, sizing, _ = ground(plan_name)
     while True:
         u = unknown_effect(rng, plan, str(rng.choice(UNKNOWN_KINDS)))
@@ -202,7 +205,7 @@ def draw_unknown(rng: np.random.Generator, plan_name: str, rms_um: float) -> Unk
             extra = sizing.scaled_unknown(u.extra_um, rms_um=rms_um, beyond=sizing.catalogue)
         except ValueError:  # the catalogue can make all of it
             continue
-        if np.abs(extra).max() < 40 * rms_um:
+        if np.abs(extra).max() < 40 * rms_um and not sizing.shift_makes(extra, rms_um):
             return replace(u, extra_um=extra)
 
 

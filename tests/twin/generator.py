@@ -475,6 +475,32 @@ class Sizing:
             raise ValueError(f"the model absorbs this: {left:.2g} µm are left")
         return np.asarray(extra_um * (rms_um / left))
 
+    @property
+    def with_shift(self) -> list[Floats]:
+        """Orthonormal columns of the catalogue with a shift of the artefact, of each of 24 moments.
+
+        A jump of all touches from some moment on is such a shift, and so, nearly, is what one C
+        position alone has.
+        """
+        if not hasattr(self, "_with_shift"):
+            self._with_shift = []
+            for share in np.arange(1, 24) / 24:
+                t0_s = float(share * self.plan.conditions.time_s[-1])
+                slip = effect_columns(self.plan, self.setup, "setup_shift", t0_s=t0_s)
+                design = np.hstack([self.catalogue, slip])
+                scaled = design / np.maximum(np.linalg.norm(design, axis=0), 1e-300)
+                u, s, _ = np.linalg.svd(scaled, full_matrices=False)
+                self._with_shift.append(u[:, s > 1e-9 * s[0]])
+        return self._with_shift
+
+    def shift_makes(self, extra_um: Floats, rms_um: float) -> bool:
+        """Whether a shift of the artefact makes most (3/4 of the variance) of what is left."""
+        change = readings_um(self.plan, self.setup, Truth(), extra_um) - readings_um(
+            self.plan, self.setup, Truth()
+        )
+        left = [change - u @ (u.T @ change) for u in self.with_shift]
+        return min(float(np.mean(x**2)) for x in left) < (rms_um / 2) ** 2
+
     def unknown(
         self, rng: np.random.Generator, kind: str, rms_um: float, *, at_most: float = 15.0
     ) -> Unknown:
