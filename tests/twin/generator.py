@@ -479,8 +479,7 @@ class Sizing:
     def with_shift(self) -> list[Floats]:
         """Orthonormal columns of the catalogue with a shift of the artefact, of each of 24 moments.
 
-        A jump of all touches from some moment on is such a shift, and so, nearly, is what one C
-        position alone has.
+        A jump of all touches at A = 0 is such a shift, and so, nearly, is what one C position has.
         """
         if not hasattr(self, "_with_shift"):
             self._with_shift = []
