@@ -1,6 +1,6 @@
 """Steps that are recognised in recorded numbers: in which a control, a scale, a display counts."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from operator import itemgetter
 
@@ -28,23 +28,32 @@ def recognised(values: Floats) -> float:
 
     Such a step is the tick of a control, the resolution of an instrument, or the digits of a file.
     """
+    return next(all_recognised(values), 0.0)
+
+
+def all_recognised(values: Floats) -> Iterator[float]:
+    """Steps whose multiples readings differ by, about, and then by all digits.
+
+    Places of a plan differ by about its step, and exactly by multiples of that of an instrument.
+    """
     distinct = np.unique(values)
     gaps = np.diff(distinct)
     rounding = max(MAX_ROUNDING * float(np.abs(distinct).max(initial=0.0)), MIN_STEP)
     gaps = gaps[gaps > rounding]
     if not len(gaps):
-        return 0.0
+        return
     off = distinct - distinct[0]
     for step in float(gaps.min()) / np.arange(1, MAX_PARTS + 1):
         if step > rounding and np.all(np.abs(off - step * np.round(off / step)) < SAME_STEP * step):
-            return float(step)
+            yield float(step)
+            break
     digits = 10.0 ** np.floor(np.log10(float(gaps.min())))
     while digits > rounding:
         count = np.round(off / digits)
         if np.all(np.abs(off - digits * count) < SAME_STEP * digits):
-            return float(digits * np.gcd.reduce(count.astype(np.int64)))
+            yield float(digits * np.gcd.reduce(count.astype(np.int64)))
+            return
         digits /= 10
-    return 0.0
 
 
 def as_displayed(step: float, distinct: int) -> float:
@@ -73,10 +82,13 @@ def displayed(values: Floats, others: Sequence[Floats] = ()) -> float:
     ``others``: the same readings otherwise, such as less their targets: where these are few, the
     readings lie on the grid of the targets.
     """
-    step = recognised(values)
-    if not step > 0:
-        return step
-    return as_displayed(step, min(len(np.unique(v)) for v in (values, *others)))
+    return next(all_displayed(values, others), 0.0)
+
+
+def all_displayed(values: Floats, others: Sequence[Floats] = ()) -> Iterator[float]:
+    """Steps that readings may be displayed in, as `all_recognised` gives them."""
+    distinct = min(len(np.unique(v)) for v in (values, *others))
+    return (as_displayed(step, distinct) for step in all_recognised(values))
 
 
 def _is_round(step: float) -> bool:
@@ -108,7 +120,8 @@ def unstated(
     off = cache(off)
     every = ((v, one) for one in recorded for v in (one, np.append(one, 0.0)))
     distinct = min((len(np.unique(one)) for one in recorded), default=0)
-    found = ((as_displayed(recognised(v), distinct), one) for v, one in every)
+    steps = ((step, one) for v, one in every for step in all_recognised(v))
+    found = ((as_displayed(step, distinct), one) for step, one in steps)
     for step, values in sorted(found, key=itemgetter(0), reverse=True):
         if step <= COARSER * stated:
             break

@@ -32,11 +32,12 @@ SEED = 1
 MAX_STEPS = 30
 MAX_HALVINGS = 20
 SETTLED = 1e-6  # of ln P
+NEAR = 1e-2  # of ln P, where places are not asked for
 SUFFICIENT = 1e-4  # share of the rise that is promised
 SAME = 1e-14  # of the largest eigenvalue of a covariance: rounding
 MIN_EXPONENT = -1e-12
 HAZARD = float(np.sqrt(2.0 / np.pi))
-REACHED = 1e-6  # of a step
+INSIDE = 0.1  # of a step over the count of readings, that machines lie inside of half a step
 FAR = 0.55  # rms residual of a fit, in steps, beyond which no machine is within half a step
 
 
@@ -73,7 +74,8 @@ def rounds_to_all(residuals: Floats, jacobian: Floats, step: Floats) -> bool:
     """Whether the readings of some machine, without any noise, round to all that were read.
 
     ``residuals``, ``jacobian``: of a fit, shapes (n,) and (n, p). ``step``: of each reading, above
-    zero. The least that the largest residual can be is sought by linear programming.
+    zero. The least that the largest residual can be is sought by linear programming. A machine just
+    where readings change from one step to the next would give either, and is none of these.
     """
     off = residuals / step
     if np.sqrt(np.mean(off**2)) > FAR:
@@ -88,7 +90,27 @@ def rounds_to_all(residuals: Floats, jacobian: Floats, step: Floats) -> bool:
         b_ub=np.concatenate([off, -off]),
         bounds=[(None, None)] * count + [(0, None)],
     )
-    return found.fun is not None and found.fun <= 0.5 + REACHED
+    return found.fun is not None and found.fun <= 0.5 - INSIDE / len(off)
+
+
+def log_probability(residuals: Floats, jacobian: Floats, step: Floats) -> float:
+    """Log of the probability of what was read, at the likeliest place and noise of a machine.
+
+    ``residuals``, ``jacobian``: of a fit, shapes (n,) and (n, p). ``step``: of each reading, above
+    zero. Unlike a sum of squares it asks of each reading only whether it rounds to what was read.
+    """
+    size = np.linalg.norm(jacobian, axis=0)
+    along = np.linalg.qr(jacobian[:, size > 0] / size[size > 0])[0]
+    left = residuals - along @ (along.T @ residuals)
+    largest = float(step.max())
+    off = along * (largest / np.sqrt(12))
+    scatter = float(np.sqrt(np.mean(left**2)))
+    smaller = (share * largest for share in NOISES[1::2] if share * largest < scatter)
+    at, most, every = np.zeros(off.shape[1]), -np.inf, np.ones(len(left))
+    for noise in (scatter or largest * NOISES[-1], *smaller):
+        at, log, _ = _top(left, off, step / 2, noise, every, at, NEAR)
+        most = max(most, log)
+    return most
 
 
 def place_of(
@@ -149,7 +171,13 @@ def _normal(top: Place, residuals: Floats, half: Floats, used: Floats) -> Place:
 
 
 def _top(
-    residuals: Floats, off: Floats, half: Floats, noise: float, used: Floats, at: Floats
+    residuals: Floats,
+    off: Floats,
+    half: Floats,
+    noise: float,
+    used: Floats,
+    at: Floats,
+    settled: float = SETTLED,
 ) -> tuple[Floats, float, Floats]:
     """Likeliest place from a start, ln P of all readings there, and the curvature of each (n,)."""
     ridge = WIDER**-2
@@ -163,7 +191,7 @@ def _top(
         rise = -(off.T @ slope) - ridge * at
         step = np.linalg.solve(off.T @ (curvature[:, None] * off) + ridge * np.eye(len(at)), rise)
         promised, share = float(rise @ step), 1.0
-        if promised < SETTLED:
+        if promised < settled:
             break
         for _ in range(MAX_HALVINGS):
             new = value(at + share * step)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from trunnion.base.checks import choose, nearest
 from trunnion.base.errors import DataError
-from trunnion.base.recognition import displayed
+from trunnion.base.recognition import all_displayed
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.data.distinct import own_cycles
 from trunnion.data.iso230_2 import Iso2302, Iso2302Rotary
@@ -179,9 +179,9 @@ class Positioning(Table):
         Targets lie on a grid, too: a step is no larger than deviations show.
         """
         measured = self.measured * (3600.0 if self.rotary else 1e3)
-        found = (displayed(values, [self.deviation]) for values in (measured, self.deviation))
+        found = (all_displayed(values, [self.deviation]) for values in (measured, self.deviation))
         largest = MAX_STEP * float(np.ptp(self.deviation))
-        return max((step for step in found if step <= largest), default=0.0)
+        return max((step for steps in found for step in steps if step <= largest), default=0.0)
 
     def check_units(self) -> None:
         """Refuse measured positions that do not move as the targets do.

@@ -350,7 +350,7 @@ class Case:
             covariance,
             self.grid.noise(used, of.dof, of.jacobian, weights_of(self.whiten)),
             spread,
-            self._as_read if spread == 0.0 else None,
+            self.as_read if spread == 0.0 else None,
         )
         if drawn is None:
             return None
@@ -363,7 +363,7 @@ class Case:
         Nothing is left to explain then: a smooth curve of few steps rounds to arches and jumps.
         """
         many = len(self.rows) >= MANY_ROWS
-        if self.grid is None or self.grid.known is not None or self._as_read is None or many:
+        if self.grid is None or self.grid.known is not None or self.as_read is None or many:
             return False
         if f not in self._rounds:
             step = self.grid.step[self.rows]
@@ -373,7 +373,7 @@ class Case:
         return self._rounds[f]
 
     @property
-    def _as_read(self) -> Floats | None:
+    def as_read(self) -> Floats | None:
         """1 for readings that are used, 0 for others, (n,); None: their errors have a memory."""
         if not (self.whiten is identity or isinstance(self.whiten, Repeats | Scaling)):
             return None
@@ -385,6 +385,11 @@ class Case:
     def dictionary(self) -> Dictionary:
         """Structure without a name, whitened."""
         return Dictionary(self.model, self.rows, self.whiten, self.known)
+
+    @cached_property
+    def dictionary_as_read(self) -> Dictionary:
+        """Structure without a name, not whitened."""
+        return Dictionary(self.model, self.rows)
 
     def white(self, columns: Floats) -> Floats:
         """Whiten columns (n, ...) of all readings and take those that are used."""

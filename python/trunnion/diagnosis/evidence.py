@@ -70,9 +70,10 @@ class Evidence:
         for widths, sets in by_rank.items():
             if not widths:
                 rss = max(s.empty.core.rss, s.score.least)
-                rough[0] = float(s.score.floor.deviance(rss, s.c.dof))
+                rough[0] = float(s.score.floor.deviance(rss, s.c.dof)) + s.more.get(0, 0.0)
             elif sum(widths) < s.c.dof - 2:
                 values = self._at_best(widths, np.array(list(sets.values())))
+                values = values + [s.more.get(mask, 0.0) for mask in sets]
                 rough |= dict(zip(sets, values.tolist(), strict=True))
         out: dict[int, float] = {}
         least = math.inf

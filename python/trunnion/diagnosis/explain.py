@@ -12,6 +12,7 @@ from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case, Explanation, Sets
 from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.fit import Fit, fit
+from trunnion.diagnosis.in_steps import by_probability
 from trunnion.diagnosis.part_of_wander import part_of_wander
 from trunnion.diagnosis.probability import NEAR_ODDS, Behind, Beside, Only, Probabilities
 from trunnion.diagnosis.processes import processes
@@ -159,7 +160,8 @@ def _explained(case: Case) -> Explanation:
             picked = [i for i in picked if not is_a_sum(case, i, best)]
             if not unexplained:
                 picked = [i for i in picked if not has_a_name(case, i)]
-        smooth = processes(case, best) if unexplained or demanded else []
+        weighed = (unexplained or demanded) and not chances.search.more
+        smooth = processes(case, best) if weighed else []
         if unexplained or picked or smooth:
             chances, tried, terms, extended = _with_structure(case, picked, chances.search, smooth)
             best, demanded = tried[0], bool(tried[0].members)
@@ -218,7 +220,7 @@ def _demanded(case: Case) -> tuple[Probabilities, Fit, Alarm]:
     level = CAUSE_LEVEL if case.complete else CAUSE_LEVEL / 2
     while True:
         alarm = Alarm.of_causes(case)
-        searched = search(candidates, plain.white, floor=case.floor)
+        searched = by_probability(case, search(candidates, plain.white, floor=case.floor))
         chances = Probabilities(searched, candidates)
         if (
             not searched.top.members
@@ -230,7 +232,8 @@ def _demanded(case: Case) -> tuple[Probabilities, Fit, Alarm]:
         ):
             return chances, plain, alarm
         extended = _fit_set(case, candidates, chances.likeliest[0])
-        bad = _undetermined(case, extended, searched)
+        # The probability of readings in steps says by itself whether a cause is there.
+        bad = set() if searched.more else _undetermined(case, extended, searched)
         if not bad:
             return chances, extended, alarm
         candidates.ban(bad)
@@ -390,6 +393,7 @@ def _with_structure(
             UNNAMED_TERM_PENALTY + more[picked],
         )
         searched = search(both, plain.white, floor=case.floor, after=first)
+        searched = by_probability(case, searched, tuple(picked))
     chances = Probabilities(searched, c, processes=smooth)
     likeliest = chances.likeliest or [chances.search.nothing]
     plainly = [f for f in likeliest if not _has_structure(c, f)]

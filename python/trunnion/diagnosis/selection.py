@@ -22,7 +22,8 @@ The search is over sets, not one cause after the other: a beam keeps the best se
 then every cause of the best sets is tried against every other.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -132,6 +133,8 @@ class Search:
         Score of each set by its mask (a bit a candidate), up to about ``REACH`` above the best.
     made:
         Blocks of each of these sets.
+    more:
+        What was added to scores of sums of squares where sets were scored otherwise, by masks.
     """
 
     def __init__(self, c: Candidates, r: Floats, floor: Floor, within: float) -> None:
@@ -149,6 +152,7 @@ class Search:
         self.scores = {0: self.nothing.score}
         self.made: dict[int, tuple[int, ...]] = {0: ()}
         self.best = self.nothing.score
+        self.more: Mapping[int, float] = {}
 
     @property
     def found(self) -> list[Found]:
@@ -226,6 +230,34 @@ class Search:
                 self.scores[mask] = self.known[mask].score
             least = min(least, self.known[mask].score)
         self.best = min(f.score for f in self.known.values())
+
+    def scored(self, scores: Mapping[tuple[int, ...], float]) -> "Search":
+        """Return the search with only these sets, each scored otherwise (lower is better).
+
+        ``scores``: by blocks; what they count from is the same for all of them. The best score
+        stays as it is.
+        """
+        new = copy(self)
+        new.known, new.scores, new.made, new.more = {}, {}, {}, {}
+        more: dict[int, float] = {}
+        for blocks, own in scores.items():
+            left = self.built(blocks).core
+            rss = max(left.rss, self.score.least)
+            cost = self._cancelling(blocks) + self.contradicting(blocks, rss, left.columns)
+            mask = sum(self.bits[b] for b in blocks)
+            if mask in more and new.scores[mask] <= own + cost:
+                continue
+            new.scores[mask], new.made[mask] = own + cost, blocks
+            more[mask] = own - float(self.score(rss, left.columns, left.penalty))
+            members = frozenset(self.owner[b] for b in blocks)
+            new.known[mask] = Found(members, own + cost, rss, left.columns, blocks)
+        off = self.best - min(new.scores.values())
+        for mask, f in new.known.items():
+            new.scores[mask] = float(np.round(f.score + off, SCORE_DIGITS))
+            new.known[mask] = replace(f, score=new.scores[mask])
+        new.more = {mask: own + off for mask, own in more.items()}
+        new.nothing = new.known[0]
+        return new
 
     def _cancelling(self, blocks: Sequence[int]) -> float:
         """What the sizes of the contributions of a set cost."""

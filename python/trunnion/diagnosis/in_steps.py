@@ -1,0 +1,139 @@
+"""Sets of causes weighed by the probability of readings in steps.
+
+Where the noise is small beside the step a reading says that the machine lay within half a step of
+it, and nothing more. A sum of squares says otherwise: a bow of the slope of a guideway, read in
+steps of its own size, is exactly a kink, which leaves nothing, while the bow that was there leaves
+a twelfth of a squared step at each place, though it rounds to the same readings. And what moves
+readings by less than a step may be seen by where they change from one step to the next. Sets near
+the best, each cause alone and none are therefore scored anew, by the probability of the readings
+(:func:`trunnion.base.rounded.log_probability`) in place of the sum of squares. What noise gains by
+a cause is gained here too, and what rounding alone would gain is not: it costs no more. Causes of
+different prices that round to the same readings are all named: none of them can gain more.
+"""
+
+from operator import itemgetter
+from typing import TypeAlias
+
+import numpy as np
+
+from trunnion.base.resolution import Grid
+from trunnion.base.rounded import log_probability
+from trunnion.base.statistics import MANY_ROWS
+from trunnion.base.units import Floats
+from trunnion.diagnosis.case import Case
+from trunnion.diagnosis.fit import variant_columns
+from trunnion.diagnosis.selection import Search, cost
+from trunnion.diagnosis.whitening import identity
+
+Blocks: TypeAlias = tuple[int, ...]
+
+MAX_NOISE = 0.25  # of a reading, in steps, from which sums of squares say as much
+PLACES = 3  # values of nonlinear parameters, of each cause, that are tried
+SAME = 1.0  # of ln P, by which readings do not tell two sets
+REACH = 12.0  # above the best score, from which sets are as good as impossible
+MOST = 40  # sets of several causes that are tried
+
+
+def by_probability(case: Case, searched: Search, picked: tuple[int, ...] = ()) -> Search:
+    """Score the sets of a search by the probability of readings in steps, where that says more.
+
+    ``picked``: terms of structure that are candidates after the causes.
+    """
+    if not _says_more(case, searched):
+        return searched
+    columns = _Columns(case, searched, picked)
+    logs, scores = dict[Blocks, float](), dict[Blocks, float]()
+    most = np.inf
+    for price, blocks in _priced(searched):
+        if price > most:  # no probability is above one
+            continue
+        logs[blocks] = log_probability(columns.left, columns.of(blocks), columns.step)
+        scores[blocks] = price - 2.0 * logs[blocks]
+        most = min(most, scores[blocks] + REACH)
+    if len(scores) == 1 and not searched.top.members:
+        return searched
+    best = min(scores, key=scores.__getitem__)
+    for blocks, score in scores.items():
+        named = len(blocks) <= len(best) and score < scores[()] - searched.within
+        if named and logs[blocks] > logs[best] - SAME:
+            scores[blocks] = min(score, scores[best] + searched.within)
+    return searched.scored(scores)
+
+
+def _says_more(case: Case, searched: Search) -> bool:
+    """Whether readings are in steps, and what the best set leaves is little beside them."""
+    grid = case.grid
+    if grid is None or not _by_reading(case, grid):
+        return False
+    c, every = searched.c, searched.nothing.rss
+    left = [(f.rss, f.columns) for f in searched.known.values()]
+    left += [(every - gain, int(k)) for gain, k in zip(_gains(searched), c.rank, strict=True)]
+    least = min(rss / max(c.dof - k, 1) for rss, k in left)
+    return bool(least - grid.rounding < MAX_NOISE**2 * grid.rounding * 12)
+
+
+def _by_reading(case: Case, grid: Grid) -> bool:
+    """Whether each reading by itself is recorded in a step."""
+    few = len(case.rows) < MANY_ROWS and grid.known is None and grid.parts is None
+    return few and case.as_read is not None and bool(np.all(grid.step[case.rows] > 0))
+
+
+def _priced(s: Search) -> list[tuple[float, Blocks]]:
+    """No cause, each alone at its best places, and the best sets of several, with their prices."""
+    c, gain = s.c, _gains(s)
+    paid = np.isfinite(c.penalty)
+    sets: list[Blocks] = [(), tuple(map(int, np.flatnonzero(c.penalty == 0)))]
+    for j in np.unique(c.owner[paid]).tolist():
+        own = np.flatnonzero((c.owner == j) & paid)
+        sets += [(int(b),) for b in own[np.argsort(-gain[own])[:PLACES]]]
+    near = sorted((f for f in s.known.values() if len(f.members) > 1), key=lambda f: f.score)
+    sets += [f.blocks for f in near[:MOST] if np.all(paid[list(f.blocks)])]
+    out = []
+    for blocks in dict.fromkeys(sets):
+        b = list(blocks)
+        rank = int(c.rank[b].sum())
+        if rank < c.dof - 2:
+            by_noise = float(np.sum(c.penalty[b] - (c.inflation[b] - 1.0) * c.chance[b]))
+            out.append((float(cost(by_noise, rank, c.dof)), blocks))
+    return sorted(out, key=itemgetter(0))
+
+
+def _gains(s: Search) -> Floats:
+    """What each block alone explains of the squared residuals, shape (b,)."""
+    return np.array([float(np.sum(s.residual[s.c.span(b)] ** 2)) for b in range(len(s.owner))])
+
+
+class _Columns:
+    """Columns of sets of blocks as they are read, not white, beside what is always fitted."""
+
+    def __init__(self, case: Case, s: Search, picked: tuple[int, ...]) -> None:
+        self.case, self.c, self.picked = case, s.c, picked
+        assert case.grid is not None
+        self.step: Floats = case.grid.step[case.rows]
+        self.left: Floats = case.plain.residuals[case.rows]
+        self.always: Floats = case.plain.jacobian[case.rows]
+        self._known: dict[int, Floats] = {}
+
+    def of(self, blocks: Blocks) -> Floats:
+        """Columns of what is always fitted and of a set, shape (n, p + k)."""
+        return np.concatenate([self.always, *map(self._block, blocks)], axis=1)
+
+    def _block(self, block: int) -> Floats:
+        if block not in self._known:
+            j, v = int(self.c.owner[block]), int(self.c.variant[block])
+            self._known[block] = (
+                self._cause(j, v) if j < len(self.case.effects) else self._term(j, v)
+            )
+        return self._known[block]
+
+    def _cause(self, j: int, v: int) -> Floats:
+        case, effect = self.case, self.case.effects[j]
+        some = [case.values[j][v]]
+        columns = variant_columns(case.model, effect, case.plain.nuisance, some)[0]
+        return np.asarray(columns[case.rows])
+
+    def _term(self, j: int, v: int) -> Floats:
+        term = self.picked[j - len(self.case.effects)]
+        white = self.case.whiten is identity
+        of = self.case.dictionary if white else self.case.dictionary_as_read
+        return np.asarray(of.variants(term)[v])

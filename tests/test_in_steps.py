@@ -1,0 +1,141 @@
+"""Causes of less than a step: what readings say by where they change from one step to the next."""
+
+import math
+
+import numpy as np
+import pytest
+
+import trunnion as tn
+from trunnion.base.recognition import all_recognised
+from trunnion.base.rounded import log_probability, rounds_to_all
+from trunnion.base.units import Floats
+
+NOISES = (0.03, 0.1)
+"""Beside the rounding, in steps."""
+RUNS = 12
+
+
+def read(true: Floats, noise: float, rng: np.random.Generator, step: float = 1.0) -> Floats:
+    """Readings in steps, with so much noise before."""
+    noisy = true + noise * step * rng.standard_normal(np.shape(true))
+    return np.asarray(step * np.round(noisy / step))
+
+
+def leaving(column: Floats, always: Floats, rms: float) -> Floats:
+    """A column of such a size that it leaves so much beside others, (n,) and (n, p)."""
+    free = column - always @ np.linalg.lstsq(always, column, rcond=None)[0]
+    return column * (rms / float(np.sqrt(np.mean(free**2))))
+
+
+def rail(effect: str, noise: float, seed: int) -> tn.Diagnosis:
+    """A level on 24 places of a rail that is bent or has a kink: slopes of a third of a step."""
+    rng = np.random.default_rng([11, seed, round(100 * noise)])
+    place = np.arange(24.0)
+    bow, kink = 11.5 - place, np.where(place > rng.integers(5, 18), 1.0, 0.0)
+    bent = bow if effect == "bow" else kink
+    size = np.hypot(noise, 1 / math.sqrt(12)) * math.sqrt(2)  # of two readings one is level
+    slope = leaving(bent, np.ones((24, 1)), size * rng.choice([-1, 1])) + rng.uniform(-20, 20)
+    across = np.full(24, rng.uniform(-20, 20))
+    return tn.diagnose(
+        tn.Levels(
+            position_mm=100.0 * place,
+            along_um_m=read(slope, noise, rng),
+            across_um_m=read(across, noise, rng),
+        )
+    )
+
+
+@pytest.mark.parametrize("effect", ["bow", "kink"])
+def test_a_kink_that_a_bow_rounds_to_may_be_either(effect: str) -> None:
+    """Found were 5 of 24 kinks, and 18 wrong without a doubt."""
+    found, wrong = 0, 0
+    for noise in NOISES:
+        for seed in range(RUNS):
+            d = rail(effect, noise, seed)
+            right = frozenset({effect}) in d.alternatives
+            found += right
+            wrong += d.verdict == "explained" and not right
+    assert found >= 22
+    assert wrong <= 1
+
+
+def axis(effect: str, noise: float, seed: int) -> tn.Diagnosis:
+    """Five cycles of an axis whose targets lie on the steps of its instrument."""
+    rng = np.random.default_rng([12, seed, round(100 * noise)])
+    up = np.linspace(0.0, 500.0, 11)
+    target, cycle = np.tile([*up, *up[::-1]], 5), np.repeat(np.arange(5), 22)
+    sense = np.tile(np.repeat([1, -1], 11), 5)
+    column = {"scale": target - 250.0, "none": 0.0 * target}[effect]
+    if effect != "none":
+        column = leaving(column, np.ones((110, 1)), np.hypot(noise, 1 / math.sqrt(12)))
+    off = read(column + rng.uniform(-20, 20), noise, rng)
+    return tn.diagnose(
+        tn.Positioning(
+            target_mm=target,
+            measured_mm=target + 1e-3 * off,
+            direction=sense,
+            cycle=cycle + 1,
+            time_s=15.0 * np.arange(110),
+        )
+    )
+
+
+def test_an_error_of_less_than_a_step_is_seen_by_where_readings_change() -> None:
+    found = sum(
+        frozenset({"scale"}) in axis("scale", 0.1, seed).alternatives for seed in range(RUNS)
+    )
+    assert found >= RUNS - 1
+
+
+def test_a_sound_axis_between_two_steps_is_sound() -> None:
+    wrong = [
+        (noise, seed)
+        for noise in (0.0, *NOISES)
+        for seed in range(RUNS)
+        if axis("none", noise, seed).verdict != "consistent"
+    ]
+    assert len(wrong) <= 1
+
+
+def test_targets_of_thirds_do_not_hide_the_steps_of_the_instrument() -> None:
+    """Targets of 1000 / 12 mm are about on one step, read in half micrometres: so is the axis.
+
+    What rounding made of them, a third of a step, was a periodic error.
+    """
+    up = np.linspace(0.0, 1000.0, 13)
+    target = np.tile([*up, *up[::-1]], 3)
+    d = tn.diagnose(
+        tn.Positioning(
+            target_mm=target,
+            measured_mm=5e-4 * np.round(target / 5e-4),
+            direction=np.tile(np.repeat([1, -1], 13), 3),
+            cycle=np.repeat([1, 2, 3], 26),
+        )
+    )
+    assert d.verdict == "consistent"
+    assert list(all_recognised(1e3 * 5e-4 * np.round(up / 5e-4)))[-1] == pytest.approx(0.5)
+
+
+def test_a_machine_just_between_two_steps_rounds_to_neither() -> None:
+    one, step = np.ones((20, 1)), np.ones(20)
+    stairs = np.where(np.arange(20) < 12, 0.5, -0.5)
+    assert not rounds_to_all(stairs, one, step)
+    line = np.stack([np.ones(20), np.linspace(-1, 1, 20)], axis=1)
+    assert rounds_to_all(stairs, line, step)
+    assert not rounds_to_all(np.where(np.arange(20) % 4 < 2, 0.5, -0.5), line, step)
+
+
+def test_the_probability_is_that_of_the_likeliest_machine() -> None:
+    """Against all means and noises of a fine net."""
+    rng = np.random.default_rng(3)
+    values = np.round(0.37 + 0.3 * rng.standard_normal(30))
+
+    def log(mean: float, noise: float) -> float:
+        def below(x: float) -> float:
+            return 0.5 * math.erfc(-x / noise / math.sqrt(2))
+
+        return sum(math.log(below(v + 0.5 - mean) - below(v - 0.5 - mean)) for v in values)
+
+    net = [log(m, s) for m in np.linspace(0, 1, 41) for s in (0.15, 0.2, 0.3, 0.4, 0.5)]
+    got = log_probability(values - values.mean(), np.ones((30, 1)), np.ones(30))
+    assert got == pytest.approx(max(net), abs=0.15)
