@@ -15,6 +15,7 @@ import axis_log_twin as twin
 import trunnion as tn
 from trunnion import contouring as ct
 from trunnion.diagnosis.result import Diagnosis
+from trunnion.models.axis_log.model import AxisLogModel
 from trunnion.setup import Artefact, Setup
 
 Floats = NDArray[np.float64]
@@ -100,3 +101,12 @@ def test_strong_gain_and_friction_have_finite_standard_errors(axes: str, seed: i
     assert d.alternatives[0] >= {"friction_x", *(f"gain_{axis}" for axis in axes)}
     errors = [s for c in d.causes for s in c.std_errors.values()]
     assert np.all(np.isfinite(errors) & (np.array(errors) > 0))
+
+
+def test_what_a_servo_that_runs_away_recorded_stays_as_it_is() -> None:
+    """A search for a servo far from its log may pass one: there a spline of it was an error."""
+    time = 0.008 * np.arange(40)
+    log = tn.AxisLog(time_s=time, x_cmd_mm=np.sin(time), x_act_mm=np.sin(time - 0.02))
+    axis = AxisLogModel(log, SETUP)._signals.axes[0]
+    runaway = np.full(40, np.inf)
+    np.testing.assert_array_equal(axis._earlier(runaway, 1.0), runaway)

@@ -312,8 +312,11 @@ class AxisSignal:
         return self.units.scale * (self._earlier(self.predicted, delay_ms) - self.predicted)
 
     def _earlier(self, positions: Floats, delay_ms: float) -> Floats:
-        """Positions (..., rows) of so much earlier; before a run and after it at constant speed."""
-        if not delay_ms:
+        """Positions (..., rows) of so much earlier; before a run and after it at constant speed.
+
+        Positions of a servo that runs away stay as they are: no number lies between them.
+        """
+        if not delay_ms or not np.all(np.isfinite(positions)):
             return positions
         out = np.empty_like(positions)
         for run in self.runs:
