@@ -158,9 +158,17 @@ def expected_discrimination(d: Diagnosis, n: int = 8) -> ExpectedDiscrimination:
     old = d.data[used]
     both = model.bind(joined_touches(old, pool))
     is_old = np.arange(len(both.data)) < len(old)
-    sets = [_hypothesis(model, both, d, used, a.start, a.distance) for a in d.evidence[:MAX_SETS]]
+    tried = [
+        (a.causes, _hypothesis(model, both, d, used, a.start, a.distance))
+        for a in d.evidence[:MAX_SETS]
+    ]
+    # A shift whose size the touches hardly tell may put the artefact where no touch meets it.
+    known = [(causes, one) for causes, one in tried if one is not None]
+    sets = [one for _, one in known]
+    if not sets and (plain := _hypothesis(model, both, d, used, {}, 0.0)) is not None:
+        sets = [plain]
     if not sets:
-        sets = [_hypothesis(model, both, d, used, {}, 0.0)]
+        raise DataError("no set of causes of the diagnosis says where further touches would meet")
     nuisance = both.jacobian(_values(d), {})
     if len(sets) > 1:
         discrimination = Discrimination(nuisance, is_old, sets, d.sigma)
@@ -171,7 +179,7 @@ def expected_discrimination(d: Diagnosis, n: int = 8) -> ExpectedDiscrimination:
             (k for k in COUNTS if k > n and discrimination.chance(many[:k]) >= MIN_CHANCE), None
         )
         pairs = discrimination.alike(many)
-        alike = tuple((d.alternatives[i], d.alternatives[j]) for i, j in pairs)
+        alike = tuple((known[i][0], known[j][0]) for i, j in pairs)
     else:
         chosen = _sharpest(nuisance, sets[0].columns, is_old, n)
         chance, enough, alike = 1.0, None, ()
@@ -229,15 +237,22 @@ def _hypothesis(
     used: Integers,
     start: EffectValues,
     distance: float,
-) -> Hypothesis:
-    """Fit a set to the measurement; give its columns on old and possible touches."""
+) -> Hypothesis | None:
+    """Fit a set to the measurement; give its columns on old and possible touches.
+
+    None: its errors are so large, for the touches do not tell them, that further ones miss.
+    """
     effects = [e for e in model.effects if e.id in start]
     at = {k: Values(v) for k, v in start.items()}
     f = fit(model, used, effects, _values(d), at, lambda a: a)
     named: dict[str, Effect] = {e.id: e for e in both.effects}
-    parts = [both.effect_jacobian(f.nuisance, named[e.id], f.effects[e.id]) for e in effects]
+    try:
+        parts = [both.effect_jacobian(f.nuisance, named[e.id], f.effects[e.id]) for e in effects]
+        predicted = both.predict(f.nuisance, f.effects)
+    except DataError:
+        return None
     columns = np.concatenate([np.zeros((len(both.data), 0)), *parts], axis=1)
-    return Hypothesis(both.predict(f.nuisance, f.effects), columns, distance)
+    return Hypothesis(predicted, columns, distance)
 
 
 def _sharpest(nuisance: Floats, columns: Floats, old: Flags, n: int) -> Integers:
