@@ -17,6 +17,7 @@ import numpy as np
 
 from trunnion.base.arguments import checked
 from trunnion.base.checks import choose, positive
+from trunnion.base.errors import DataError
 from trunnion.base.report import Result, Table
 from trunnion.base.stored import fitting, plain
 from trunnion.base.units import Floats
@@ -192,7 +193,8 @@ def next_measurement(
         _expected(test, sets, mounting[test.kind])
         for test in (*_more_touches(diagnosis), *_other_kinds(diagnosis, place))
     ]
-    return tuple(sorted(found, key=lambda n: (n.chance < USEFUL, -n.chance / n.minutes)))
+    known = [one for one in found if one is not None]
+    return tuple(sorted(known, key=lambda n: (n.chance < USEFUL, -n.chance / n.minutes)))
 
 
 @dataclass(frozen=True)
@@ -215,10 +217,17 @@ class _Test:
     own: tuple[str, ...] = ()
 
 
-def _expected(test: _Test, sets: Sequence[Alternative], mounting: float) -> NextMeasurement:
-    """Return what a test is expected to settle."""
+def _expected(test: _Test, sets: Sequence[Alternative], mounting: float) -> NextMeasurement | None:
+    """Return what a test is expected to settle; None: it cannot be said of two sets.
+
+    An error whose size the measurement hardly tells may put the artefact where no touch meets it.
+    """
     old = np.arange(len(test.both.readings)) < len(test.model.readings)
-    hypotheses = [_hypothesis(test, one) for one in sets]
+    tried = [(one.causes, _hypothesis(test, one)) for one in sets]
+    known = [(causes, one) for causes, one in tried if one is not None]
+    if len(known) < 2:
+        return None
+    hypotheses = [one for _, one in known]
     start = np.concatenate([test.nuisance, test.both.start[len(test.nuisance) :]])
     columns = [test.both.jacobian(start, {})]
     for name in test.own:
@@ -234,22 +243,28 @@ def _expected(test: _Test, sets: Sequence[Alternative], mounting: float) -> Next
         test.kind,
         test.minutes + mounting,
         discrimination.chance(new),
-        {one.causes: apart[i] for i, one in enumerate(sets) if i},
+        {causes: apart[i] for i, (causes, _) in enumerate(known) if i},
         test.plan,
     )
 
 
-def _hypothesis(test: _Test, one: Alternative) -> Hypothesis:
-    """Fit a set to the measurement; give its columns on old and new readings."""
+def _hypothesis(test: _Test, one: Alternative) -> Hypothesis | None:
+    """Fit a set to the measurement; give its columns on old and new readings.
+
+    None: with the errors that fit, touches of the test would miss.
+    """
     at = {test.ids[name]: Values(values) for name, values in one.start.items()}
     effects = [e for e in test.model.effects if e.id in at]
     rows = np.arange(len(test.model.readings))
     f = fit(test.model, rows, effects, test.nuisance, at, test.whiten)
     nuisance = np.concatenate([f.nuisance, test.both.start[len(f.nuisance) :]])
     named = {e.id: e for e in test.both.effects}
-    parts = [test.both.effect_jacobian(nuisance, named[e.id], f.effects[e.id]) for e in effects]
+    try:
+        parts = [test.both.effect_jacobian(nuisance, named[e.id], f.effects[e.id]) for e in effects]
+        predicted = test.both.predict(nuisance, f.effects)
+    except DataError:
+        return None
     columns = np.concatenate([np.zeros((len(test.both.readings), 0)), *parts], axis=1)
-    predicted = test.both.predict(nuisance, f.effects)
     white = np.asarray(test.whiten_both(np.column_stack([predicted, columns])))
     return Hypothesis(white[:, 0], white[:, 1:], one.distance)
 
