@@ -23,6 +23,7 @@ from trunnion.diagnosis.scan import Dictionary
 from trunnion.diagnosis.selection import Found
 from trunnion.diagnosis.whitening import Scaling
 from trunnion.models.touches import TouchDiagnosisModel
+from trunnion.probing.model import TouchModel
 from twin.forward import EFFECTS, Truth
 from twin.generator import (
     effect_change_um,
@@ -76,6 +77,34 @@ def test_derivatives_at_many_durations_are_those_at_each() -> None:
         np.testing.assert_array_equal(columns[0], alone[:, 0])
         law = [1.0 - np.exp(-np.asarray(model.data.time_s) / 60.0 / tau) for tau in taus]
         np.testing.assert_allclose(columns[0] * law[0], several[0][0] * law[number], atol=1e-12)
+
+
+def test_touches_together_are_those_one_by_one() -> None:
+    """What neighbouring touches, or values of parameters, share is kept, and nothing else."""
+    made, _, _, read = ground("rich")
+    data = tn.Touches(measured({}).columns)
+    rng = np.random.default_rng(4)
+    drawn = {name: random_effect(rng, name, made) for name in EFFECTS}
+    for ids in (list(EFFECTS), ["drift_z", "artefact_length"], ["c_positioning_2"], []):
+        model = TouchModel(read, ids)
+        values = model.values(
+            {"EX0C": 20.0, "EB0C": 8.0}, {"dx_um": 30.0}, {i: drawn[i] for i in ids}
+        )
+        longer = np.char.endswith(model.names, "artefact_length.dl_um")
+        other = values + np.where(longer, 7.0, 0.0)
+        # With the touches before and after in the same place at other times, and elsewhere.
+        some = data[np.array([*range(12), 40, 41, 200, 12, 201])]
+        moves, columns = model.moves(some), list(range(len(values)))
+        off, slope = model.core.linearise(moves, values)
+        left = model.core.residuals(moves, values)
+        both = model.core.rates(moves, np.stack([values, other]), columns)
+        rates = [model.core.rates(moves, one[None], columns) for one in (values, other)]
+        assert np.array_equal(both, np.concatenate(rates))
+        for i in range(len(some)):
+            alone = model.moves(some[np.array([i])])
+            own_off, own_slope = model.core.linearise(alone, values)
+            assert own_off[0] == off[i] == left[i] == model.core.residuals(alone, values)[0]
+            assert np.array_equal(own_slope[0], slope[i])
 
 
 def test_a_dictionary_with_other_weights_is_that_made_anew() -> None:

@@ -16,7 +16,7 @@ t²/12 (GUM, F.2.2.1). Three things follow.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import ClassVar
 
 import numpy as np
@@ -256,11 +256,11 @@ class Grid:
         and ``weights``: of the fit, shapes (n, p) and (n,).
         """
         step = float(self.step.min())
-        label = np.where(self.step == step, self.label, -1)
-        index, count = repeated(label)
-        r = residuals[label >= 0]
-        freedom = self._freedom_of_repeats()
+        freedom = self._freedom_of_repeats
         if step > 0 and freedom >= MIN_REPEATS:
+            label = np.where(self.step == step, self.label, -1)
+            index, count = repeated(label)
+            r = residuals[label >= 0]
             mean = np.bincount(index, r) / count
             pure = float(np.sum((r - mean[index]) ** 2)) / freedom / step**2
             scatter = self._scatter_of_repeats()
@@ -304,6 +304,7 @@ class Grid:
         shared = rounding * correlation / total
         return Repeats((noise**2 + rounding) / total, shared, self.label)
 
+    @cached_property
     def _freedom_of_repeats(self) -> int:
         """Degrees of freedom of repeats in the finest steps."""
         again = (self.label >= 0) & (self.step == self.step.min())
@@ -352,7 +353,7 @@ class Grid:
         if used is None or known is not None or self.parts is not None or not np.all(self.step > 0):
             off = machines(jacobian, covariance, scale, spread, count, rng)
         else:
-            known_noise = float(each[0]) if self._freedom_of_repeats() >= MIN_REPEATS else None
+            known_noise = float(each[0]) if self._freedom_of_repeats >= MIN_REPEATS else None
             place = place_of(residuals, jacobian, covariance, self.step, used, known_noise)
             off, each = place.drawn(count, rng), place.noise * every
         where = (values - residuals)[:, None] + off

@@ -188,6 +188,8 @@ def _by_chance(data: Table, original: Integers, but: str = "") -> bool:
     original: Of each row the first that is as it is in every column, ``but`` this one.
     """
     rows, readings = np.arange(len(data)), data.readings
+    if np.array_equal(original, rows):
+        return False  # none repeats another
     known = [name for name in data.columns if name in data.kinds and name != but]
     given = [data.columns[name] for name in known if name not in readings]
     if not readings or not given:

@@ -24,7 +24,6 @@ from trunnion.diagnosis.whitening import Correlated, Whiten, correlated, identit
 SURE = 0.5  # trace of a group's hat matrix below which the others certainly identify all
 MIN_KEPT = 1e-3  # share of a squared direction that the others keep: enough to divide by
 MAX_ROWS = 2048  # readings that are worked on at once, unless a group has more
-MAX_PRODUCTS = 1 << 14  # numbers of a group's rows times their columns: more are a matrix product
 ROUNDING = 1e-12
 
 
@@ -160,20 +159,29 @@ def _left_out(problem: _Problem, part: Integers, at: Integers) -> tuple[Floats, 
     q = problem.basis[part]
     e = problem.residual[part]
     pull = np.add.reduceat(q * e[:, None], at)
-    if q.size * q.shape[1] > MAX_PRODUCTS * len(at):
-        squares = np.stack([own.T @ own for own in np.split(q, at[1:])])
-    else:
-        squares = np.add.reduceat(q[:, :, None] * q[:, None, :], at)
-    kept = np.eye(q.shape[1]) - squares
+    kept = np.eye(q.shape[1]) - _squares(q, np.diff(at, append=len(q)), at)
     sure = np.trace(kept, axis1=1, axis2=2) > q.shape[1] - SURE
     doubtful = np.flatnonzero(~sure)
     if len(doubtful):
         sure[doubtful] = np.linalg.eigvalsh(kept[doubtful])[:, 0] > MIN_KEPT
     kept[~sure] = np.eye(q.shape[1])
     change = np.linalg.solve(kept, pull[:, :, None])[:, :, 0]
-    each = np.repeat(change, np.diff(np.append(at, len(q))), axis=0)
+    each = np.repeat(change, np.diff(at, append=len(q)), axis=0)
     raw = (problem.raw[part] / problem.scale) @ problem.to_basis
     return problem.residual_raw[part] + np.einsum("ij,ij->i", raw, each), sure
+
+
+def _squares(q: Floats, sizes: Integers, at: Integers) -> Floats:
+    """Inner products of the columns of each group of rows, (g, k, k): of groups of a size at once.
+
+    ``sizes``: rows of each group (g,); ``at``: its first row (g,).
+    """
+    out = np.empty((len(at), q.shape[1], q.shape[1]))
+    for size in np.unique(sizes).tolist():
+        some = sizes == size
+        rows = q[at[some][:, None] + np.arange(size)]
+        out[some] = rows.transpose(0, 2, 1) @ rows
+    return out
 
 
 def _own_fit(problem: _Problem, part: Integers) -> Floats:

@@ -141,7 +141,7 @@ class Dictionary:
     def _say(self) -> None:
         """Make the functions of all covariates, and keep them."""
         waiting: dict[tuple[int, bool], _Waiting] = {}
-        for v, said, values, distinct, enter in _saying(
+        for v, said, values, distinct, _, enter in _saying(
             self._covariates, self._model.components, self._rows
         ):
             for kind, numbers, f in _functions(v, values, distinct):
@@ -405,10 +405,9 @@ def smooth_functions(
     sought = tuple(v for v in model.covariates if not (competing and v.comes_back))
     said = _saying(sought, model.components, rows)
     every = [x for x in said if len(x[3]) >= MIN_DISTINCT and not x[1]]
-    turns = [_ranks(x) for v, _, x, distinct, _ in every if not _straight(v, distinct)]
+    turns = [ranks for v, _, _, distinct, ranks, _ in every if not _straight(v, distinct)]
     found = list[tuple[Floats, Floats]]()
-    for v, _, values, distinct, enter in every:
-        own = _ranks(values)
+    for v, _, values, distinct, own, enter in every:
         turned = any(np.array_equal(t, x) for t in turns for x in (own, own.max() - own))
         if _straight(v, distinct) and not turned and len(found) <= most:
             known = 1.0 if v.known is None else v.known[rows]
@@ -422,10 +421,11 @@ def smooth_functions(
 
 def _saying(
     covariates: Iterable[Covariate], components: Mapping[str, Floats], rows: Integers
-) -> Iterator[tuple[Covariate, bool, NDArray[Any], NDArray[Any], dict[str, Floats]]]:
+) -> Iterator[tuple[Covariate, bool, NDArray[Any], NDArray[Any], Integers, dict[str, Floats]]]:
     """Covariates that say something new, whether all but the jumps is said, values, components.
 
-    Beside the values those that are distinct; of classes, none.
+    Beside the values those that are distinct, and the rank of each value among them; of classes,
+    none.
     """
     enter = {"": np.ones(len(rows))}
     for name, c in components.items():
@@ -435,7 +435,7 @@ def _saying(
     seen: list[tuple[bool, bool, Integers]] = []
     for v in covariates:
         values = np.asarray(v.values)[rows]
-        said, distinct = False, values[:0]
+        said, distinct, ranks = False, values[:0], np.zeros(0, dtype=np.intp)
         if not v.classes:
             values = values.astype(np.float64)
             distinct, ranks = np.unique(values, return_inverse=True)
@@ -445,7 +445,7 @@ def _saying(
                 continue  # constant, or says what another covariate says
             said = bool(same)
             seen.append((periodic, v.sequence, ranks))
-        yield v, said, values, distinct, enter
+        yield v, said, values, distinct, ranks, enter
 
 
 def _functions(
@@ -482,11 +482,6 @@ def _functions(
 def _straight(v: Covariate, distinct: Floats) -> bool:
     """Whether a quantity does not come round between its least and its largest value."""
     return v.period is None or bool(distinct[-1] - distinct[0] < MAX_ARC * v.period)
-
-
-def _ranks(values: Floats) -> Integers:
-    """Rank of each value among those that are distinct."""
-    return np.asarray(np.unique(values, return_inverse=True)[1], dtype=np.intp).reshape(-1)
 
 
 def _waves(rates: Floats | Integers, x: Floats) -> Floats:

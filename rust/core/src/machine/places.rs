@@ -172,6 +172,12 @@ impl Places {
         &self.0[..LINEAR]
     }
 
+    /// What decides the shape of the artefact.
+    #[must_use]
+    pub fn shape_part(&self) -> &[f64] {
+        &self.0[LENGTH..]
+    }
+
     /// All amounts.
     #[must_use]
     pub const fn all(&self) -> &[f64; COUNT] {

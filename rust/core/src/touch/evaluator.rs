@@ -48,21 +48,49 @@ struct TouchPose {
 }
 
 impl TouchPose {
-    fn new(model: &TouchModel, positions: &[f64], places: &Places, frames: Frames) -> Self {
-        let posture = Posture::with_frames(&model.machine, positions, &frames);
-        let mut kept = [0.0; MAX_ROTARY];
-        kept[..positions.len()].copy_from_slice(positions);
-        let origin = posture.actual(&Vector3::zeros(), places);
-        Self {
-            positions: kept,
+    fn new(model: &TouchModel, positions: &[f64], places: &Places) -> Self {
+        let frames = Frames::new(places);
+        let mut pose = Self {
+            positions: [0.0; MAX_ROTARY],
             places: *places,
+            posture: Posture::with_frames(&model.machine, positions, &frames),
             frames,
             solid: model.artefact.solid(places),
-            gain: posture.artefact.rotation.tr_mul(&(Matrix3::identity() + linear(places))),
-            shift: posture.artefact.undo(&origin),
-            radius: model.probe.ball_radius + places.at(Place::RADIUS),
-            posture,
+            gain: Matrix3::zeros(),
+            shift: Vector3::zeros(),
+            radius: 0.0,
+        };
+        pose.positions[..positions.len()].copy_from_slice(positions);
+        pose.complete(model);
+        pose
+    }
+
+    /// Goes to other positions and amounts: an effect in time moves the tool, and leaves frames,
+    /// posture and artefact as they are.
+    fn go(&mut self, model: &TouchModel, positions: &[f64], places: &Places) {
+        let other_frames = self.places.pose_part() != places.pose_part();
+        if other_frames {
+            self.frames = Frames::new(places);
         }
+        let kept = &mut self.positions[..positions.len()];
+        if other_frames || kept != positions {
+            kept.copy_from_slice(positions);
+            self.posture = Posture::with_frames(&model.machine, positions, &self.frames);
+        }
+        if self.places.shape_part() != places.shape_part() {
+            self.solid = model.artefact.solid(places);
+        }
+        self.places = *places;
+        self.complete(model);
+    }
+
+    /// Works out what hangs on all of it.
+    fn complete(&mut self, model: &TouchModel) {
+        let (artefact, places) = (&self.posture.artefact, &self.places);
+        let origin = self.posture.actual(&Vector3::zeros(), places);
+        self.gain = artefact.rotation.tr_mul(&(Matrix3::identity() + linear(places)));
+        self.shift = artefact.undo(&origin);
+        self.radius = model.probe.ball_radius + places.at(Place::RADIUS);
     }
 
     /// The move of the ball's true centre as the artefact sees it.
@@ -111,11 +139,10 @@ impl<'a> Evaluator<'a> {
         });
         if !same {
             let places = places.as_ref().unwrap_or(&self.constant);
-            let frames = match &self.pose {
-                Some(pose) if model.effects.is_empty() => pose.frames,
-                _ => Frames::new(places),
-            };
-            self.pose = Some(TouchPose::new(model, positions, places, frames));
+            match &mut self.pose {
+                Some(pose) => pose.go(model, positions, places),
+                None => self.pose = Some(TouchPose::new(model, positions, places)),
+            }
             self.touched = None;
         }
         self.pose.as_ref()
