@@ -403,11 +403,16 @@ def effect_columns(plan: Plan, setup: Setup, id_: str, **fixed: float) -> Floats
     return np.stack(columns, axis=1)
 
 
-def left_of(change_um: Floats, design: Floats) -> Floats:
-    """What of a change no combination of the design's columns makes."""
+def basis_of(design: Floats) -> Floats:
+    """Orthonormal columns of all that a design's columns make."""
     scaled = design / np.maximum(np.linalg.norm(design, axis=0), 1e-300)
     u, s, _ = np.linalg.svd(scaled, full_matrices=False)
-    basis = u[:, s > 1e-9 * s[0]]
+    return np.asarray(u[:, s > 1e-9 * s[0]])
+
+
+def left_of(change_um: Floats, design: Floats) -> Floats:
+    """What of a change no combination of the design's columns makes."""
+    basis = basis_of(design)
     return np.asarray(change_um - basis @ (basis.T @ change_um))
 
 
@@ -458,6 +463,11 @@ class Sizing:
             self._catalogue = np.hstack(columns)
         return self._catalogue
 
+    def change_um(self, extra_um: Floats) -> Floats:
+        """Change of the readings by a displacement field (n, 3)."""
+        with_it = readings_um(self.plan, self.setup, Truth(), extra_um)
+        return np.asarray(with_it - readings_um(self.plan, self.setup, Truth()))
+
     def scaled_unknown(
         self, extra_um: Floats, rms_um: float, *, beyond: Floats | None = None
     ) -> Floats:
@@ -466,9 +476,7 @@ class Sizing:
         ``beyond`` is the design after which it is measured: the plain one if nothing is given, the
         ``catalogue`` for something that no combination of causes can make.
         """
-        change = readings_um(self.plan, self.setup, Truth(), extra_um) - readings_um(
-            self.plan, self.setup, Truth()
-        )
+        change = self.change_um(extra_um)
         rest = left_of(change, self.plain if beyond is None else beyond)
         left = float(np.sqrt(np.mean(rest**2)))
         if left < 1e-4 * np.abs(change).max():
@@ -486,17 +494,12 @@ class Sizing:
             for share in np.arange(1, 24) / 24:
                 t0_s = float(share * self.plan.conditions.time_s[-1])
                 slip = effect_columns(self.plan, self.setup, "setup_shift", t0_s=t0_s)
-                design = np.hstack([self.catalogue, slip])
-                scaled = design / np.maximum(np.linalg.norm(design, axis=0), 1e-300)
-                u, s, _ = np.linalg.svd(scaled, full_matrices=False)
-                self._with_shift.append(u[:, s > 1e-9 * s[0]])
+                self._with_shift.append(basis_of(np.hstack([self.catalogue, slip])))
         return self._with_shift
 
     def shift_makes(self, extra_um: Floats, rms_um: float) -> bool:
         """Whether a shift of the artefact makes most (3/4 of the variance) of what is left."""
-        change = readings_um(self.plan, self.setup, Truth(), extra_um) - readings_um(
-            self.plan, self.setup, Truth()
-        )
+        change = self.change_um(extra_um)
         left = [change - u @ (u.T @ change) for u in self.with_shift]
         return min(float(np.mean(x**2)) for x in left) < (rms_um / 2) ** 2
 
