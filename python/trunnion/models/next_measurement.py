@@ -225,7 +225,7 @@ def _expected(test: _Test, sets: Sequence[Alternative], mounting: float) -> Next
     old = np.arange(len(test.both.readings)) < len(test.model.readings)
     tried = [(one.causes, _hypothesis(test, one)) for one in sets]
     known = [(causes, one) for causes, one in tried if one is not None]
-    if len(known) < 2:
+    if tried[0][1] is None or len(known) < 2:  # the named set is the first
         return None
     hypotheses = [one for _, one in known]
     start = np.concatenate([test.nuisance, test.both.start[len(test.nuisance) :]])

@@ -162,13 +162,12 @@ def expected_discrimination(d: Diagnosis, n: int = 8) -> ExpectedDiscrimination:
         (a.causes, _hypothesis(model, both, d, used, a.start, a.distance))
         for a in d.evidence[:MAX_SETS]
     ]
+    named = tried[0][1] if tried else _hypothesis(model, both, d, used, {}, 0.0)
+    if named is None:
+        raise DataError("diagnosis: got errors with which further touches miss, expected others")
     # A shift whose size the touches hardly tell may put the artefact where no touch meets it.
     known = [(causes, one) for causes, one in tried if one is not None]
-    sets = [one for _, one in known]
-    if not sets and (plain := _hypothesis(model, both, d, used, {}, 0.0)) is not None:
-        sets = [plain]
-    if not sets:
-        raise DataError("no set of causes of the diagnosis says where further touches would meet")
+    sets = [one for _, one in known] or [named]
     nuisance = both.jacobian(_values(d), {})
     if len(sets) > 1:
         discrimination = Discrimination(nuisance, is_old, sets, d.sigma)
