@@ -27,6 +27,7 @@ matplotlib.use("Agg")
 import numpy as np
 from matplotlib import pyplot as plt
 from numpy.typing import NDArray
+from scipy import stats
 
 from power import report
 from power.random_cases import draw
@@ -230,8 +231,15 @@ def picture(cases: Sequence[Stated], path: Path) -> None:
             ("all cases", list(cases)),
             ("without an unknown error", [c for c in cases if not c.unknown]),
         ):
-            p, t, n = np.array(binned([s for c in some for s in of(c)])).T
-            ax.errorbar(p, t, 1.96 * np.sqrt(t * (1 - t) / n), fmt="o-", label=label, capsize=2)
+            bins = binned([s for c in some for s in of(c)])
+            p, t, _ = np.array(bins).T
+            ends = [
+                stats.binomtest(round(share * n), n).proportion_ci(method="wilson")
+                for _, share, n in bins
+            ]
+            low, high = np.array([(end.low, end.high) for end in ends]).T
+            ways = np.maximum([t - low, high - t], 0.0)
+            ax.errorbar(p, t, ways, fmt="o-", label=label, capsize=2)
         ax.plot([0, 1], [0, 1], "k:", linewidth=0.8)
         ax.set(xlabel="stated probability", ylabel="share that is true", title=title)
     left.legend()

@@ -7,14 +7,20 @@ a refit to old and new readings together. Readings are chosen one after the othe
 drop of confusion; the chance that all rivals end more than 6 from the true set is simulated.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from trunnion.base.errors import DataError
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.columns import lengths
+from trunnion.diagnosis.effect import EffectValues
+from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.selection import WITHIN
+from trunnion.diagnosis.whitening import Whiten
 
 DRAWS = 200
 SEED = 1
@@ -33,6 +39,25 @@ class Hypothesis:
     predicted: Floats
     columns: Floats
     distance: float
+
+    @classmethod
+    def at(
+        cls, both: Model, nuisance: Floats, effects: EffectValues, distance: float, whiten: Whiten
+    ) -> Hypothesis | None:
+        """Return what a fitted set gives for old and possible readings.
+
+        None: its errors are so large, for the readings do not tell them, that further touches miss.
+        """
+        try:
+            predicted = both.predict(nuisance, effects)
+            parts = [
+                both.effect_jacobian(nuisance, both.effect(name), values)
+                for name, values in effects.items()
+            ]
+        except DataError:
+            return None
+        white = np.asarray(whiten(np.column_stack([predicted, *parts])))
+        return cls(white[:, 0], white[:, 1:], distance)
 
 
 class Discrimination:

@@ -17,7 +17,6 @@ import numpy as np
 
 from trunnion.base.arguments import checked
 from trunnion.base.checks import choose, positive
-from trunnion.base.errors import DataError
 from trunnion.base.report import Result, Table
 from trunnion.base.stored import fitting, plain
 from trunnion.base.units import Floats
@@ -249,24 +248,13 @@ def _expected(test: _Test, sets: Sequence[Alternative], mounting: float) -> Next
 
 
 def _hypothesis(test: _Test, one: Alternative) -> Hypothesis | None:
-    """Fit a set to the measurement; give its columns on old and new readings.
-
-    None: with the errors that fit, touches of the test would miss.
-    """
+    """Fit a set to the measurement; return what it gives for old and new readings."""
     at = {test.ids[name]: Values(values) for name, values in one.start.items()}
     effects = [e for e in test.model.effects if e.id in at]
     rows = np.arange(len(test.model.readings))
     f = fit(test.model, rows, effects, test.nuisance, at, test.whiten)
     nuisance = np.concatenate([f.nuisance, test.both.start[len(f.nuisance) :]])
-    named = {e.id: e for e in test.both.effects}
-    try:
-        parts = [test.both.effect_jacobian(nuisance, named[e.id], f.effects[e.id]) for e in effects]
-        predicted = test.both.predict(nuisance, f.effects)
-    except DataError:
-        return None
-    columns = np.concatenate([np.zeros((len(test.both.readings), 0)), *parts], axis=1)
-    white = np.asarray(test.whiten_both(np.column_stack([predicted, columns])))
-    return Hypothesis(white[:, 0], white[:, 1:], one.distance)
+    return Hypothesis.at(test.both, nuisance, f.effects, one.distance, test.whiten_both)
 
 
 # --- the tests

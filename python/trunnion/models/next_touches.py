@@ -19,6 +19,7 @@ from trunnion.diagnosis.discrimination import Discrimination, Hypothesis
 from trunnion.diagnosis.effect import Effect, EffectValues, Values
 from trunnion.diagnosis.fit import fit
 from trunnion.diagnosis.result import Diagnosis
+from trunnion.diagnosis.whitening import identity
 from trunnion.machine.chain import Chain
 from trunnion.models.touches import TouchDiagnosisModel
 from trunnion.probing.plan import plan
@@ -237,21 +238,11 @@ def _hypothesis(
     start: EffectValues,
     distance: float,
 ) -> Hypothesis | None:
-    """Fit a set to the measurement; give its columns on old and possible touches.
-
-    None: its errors are so large, for the touches do not tell them, that further ones miss.
-    """
+    """Fit a set to the measurement; return what it gives for old and possible touches."""
     effects = [e for e in model.effects if e.id in start]
     at = {k: Values(v) for k, v in start.items()}
-    f = fit(model, used, effects, _values(d), at, lambda a: a)
-    named: dict[str, Effect] = {e.id: e for e in both.effects}
-    try:
-        parts = [both.effect_jacobian(f.nuisance, named[e.id], f.effects[e.id]) for e in effects]
-        predicted = both.predict(f.nuisance, f.effects)
-    except DataError:
-        return None
-    columns = np.concatenate([np.zeros((len(both.data), 0)), *parts], axis=1)
-    return Hypothesis(predicted, columns, distance)
+    f = fit(model, used, effects, _values(d), at, identity)
+    return Hypothesis.at(both, f.nuisance, f.effects, distance, identity)
 
 
 def _sharpest(nuisance: Floats, columns: Floats, old: Flags, n: int) -> Integers:
