@@ -1,6 +1,7 @@
 """Data that hardly say anything get no cause, and never one with a vanishing standard error."""
 
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -52,6 +53,19 @@ def test_a_ballbar_that_says_little_has_no_cause(
     for cause in (cause for d in found for cause in d.causes):
         size = max(map(abs, cause.parameters.values()))
         assert all(std > 1e-6 * size for std in cause.std_errors.values())
+
+
+KINDS = ["ballbar/circle", "levels/bed", "plate/first", "axis/sweep", "positioning/axis"]
+
+
+@pytest.mark.parametrize("file", KINDS)
+def test_the_first_rows_of_any_kind_give_a_diagnosis_or_a_refusal(file: str) -> None:
+    """Rounded readings with next to no freedom ended in an error that was not the package's."""
+    data = tn.read(tn.sample_path(f"{file}.csv"))
+    for count in range(1, 13):
+        for rows in (np.arange(count), np.random.default_rng(count).permutation(len(data))[:count]):
+            with suppress(tn.TrunnionError):
+                assert tn.diagnose(data[np.sort(rows)]).sentences()
 
 
 def test_an_error_of_the_ballbar_is_found_where_there_are_readings_enough() -> None:

@@ -209,6 +209,31 @@ def test_angles_in_radians_are_named() -> None:
             method(radians, SETUP)
 
 
+TO_DEGREES = float(np.degrees(1.0))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "cause"),
+    [
+        ({"c_deg": 1 / TO_DEGREES}, "if c_deg is in radians"),
+        ({"a_deg": 1 / TO_DEGREES}, "if a_deg is in radians"),
+        ({"c_deg": TO_DEGREES}, "if c_deg is in degrees but was taken for radians"),
+        (
+            {"a_deg": TO_DEGREES, "c_deg": TO_DEGREES},
+            "if their angles are in degrees but were taken for radians",
+        ),
+        ({"x_mm": 1 / 25.4}, "if x_mm is in inches"),
+        ({"z_mm": 1e-3}, "if z_mm is in m"),
+        ({"dir_x": -1.0}, "if dir_x counts the other way"),
+    ],
+)
+def test_single_columns_in_another_unit_are_named(wrong: dict[str, float], cause: str) -> None:
+    data = measured(SETUP)
+    columns = {name: factor * data[name] for name, factor in wrong.items()}
+    for method in METHODS:
+        assert f"{cause}." in said_of(method, data.with_columns(**columns), SETUP)
+
+
 @pytest.mark.parametrize("value", [0.004, 7e-5])  # 14 arcsec in degrees, in radians
 def test_angular_errors_in_another_unit_are_named(value: float) -> None:
     with pytest.warns(UserWarning, match=r"EA0A = .*: are these degrees or radians\?"):
@@ -247,7 +272,10 @@ def test_a_mirrored_sense_is_named_on_the_grid_of_a_control() -> None:
 
 @pytest.mark.parametrize(
     ("true", "given"),
-    [("trt-bc", "table-c-head-b"), ("table-c-head-b", "trt-bc"), ("trt-ca", "trt-bc")],
+    [
+        *(("trt-bc", "table-c-head-b"), ("table-c-head-b", "trt-bc"), ("trt-ca", "trt-bc")),
+        *(("trt-ca", preset) for preset in ("head-bc", "nutating-head", "four-axis-a")),
+    ],
 )
 def test_a_wrong_preset_is_named(true: str, given: str) -> None:
     right = replace(SETUP, machine=tn.Machine(true))
@@ -268,6 +296,7 @@ SPHERE = {"kind": "sphere", "diameter_mm": 25.0, "centre_mm": (30.0, 10.0, 80.0)
         (CROSS, 3.0, ["probe.ball_radius_mm = 3 (not 1)"]),
         ({**CROSS, "length_mm": 101.0}, 1.0, ["artefact.length_mm = 101 (not 100)"]),
         ({**CROSS, "width_mm": 24.5}, 1.0, ["artefact.width_mm = 24.5 (not 25)"]),
+        ({**CROSS, "width_mm": 30.0}, 1.0, ["artefact.width_mm = 30 (not 25)"]),
         (
             {**SPHERE, "diameter_mm": 26.0},
             1.0,

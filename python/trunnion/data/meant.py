@@ -16,7 +16,7 @@ import numpy as np
 from trunnion.base.errors import DataError, KinematicsError, TrunnionError
 from trunnion.base.units import unit_of
 from trunnion.data.deviations import from_deviations
-from trunnion.data.mistaken import factors, listed
+from trunnion.data.mistaken import factors, listed, of_number
 from trunnion.files.table import Table
 from trunnion.setup import Machine, Setup
 from trunnion.setup.machines import presets
@@ -157,9 +157,7 @@ def _scaled(
                 continue
             with suppress(TrunnionError):  # too far for positions
                 meant = data.with_columns(**{name: factor * data[name] for name in some})
-                if len(some) == 1:
-                    said = said.replace("are ", "is ", 1).replace(" were ", " was ")
-                text = f"if {listed(some)} {said} (× {factor:.4g})"
+                text = f"if {listed(some)} {of_number(said, len(some))} (× {factor:.4g})"
                 scale = factor if some[0] in data.readings else 1.0
                 yield Guess(text, meant, setup, scale, listed(some), factor)
 

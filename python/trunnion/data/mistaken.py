@@ -129,6 +129,11 @@ def _asked(unit: str, columns: Mapping[str, Floats], smallest_mm: float) -> str:
     return ""
 
 
+def of_number(said: str, count: int) -> str:
+    """What is said of several columns, of so many."""
+    return said if count > 1 else said.replace("are ", "is ", 1).replace(" were ", " was ")
+
+
 def listed(names: Iterable[str]) -> str:
     """Names of columns as a sentence has them."""
     every = list(names)

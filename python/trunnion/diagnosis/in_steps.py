@@ -50,7 +50,7 @@ def by_probability(case: Case, searched: Search, picked: tuple[int, ...] = ()) -
         logs[blocks] = log_probability(columns.left, columns.of(blocks), columns.step)
         scores[blocks] = price - 2.0 * logs[blocks]
         most = min(most, scores[blocks] + REACH)
-    if len(scores) == 1 and not searched.top.members:
+    if not scores or (len(scores) == 1 and not searched.top.members):
         return searched
     best = min(scores, key=scores.__getitem__)
     for blocks, score in scores.items():

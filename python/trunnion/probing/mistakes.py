@@ -6,7 +6,7 @@ where the residuals are no touch probe's, or where the touches are off the model
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -18,7 +18,7 @@ from trunnion._core import Moves
 from trunnion.base.errors import DataError, TrunnionError
 from trunnion.base.units import Floats, unit_of
 from trunnion.data.meant import some_rows
-from trunnion.data.mistaken import FACTORS_MM
+from trunnion.data.mistaken import FACTORS_MM, factors, of_number
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
 from trunnion.machine.sizes import LARGE_UM, SURE_SIGMAS, TINY_UM, in_other_units
@@ -59,7 +59,7 @@ MAX_STEPS = 50
 TOOL_ENDS = {"to the tip of the ball": -1.0, "beyond the centre of the ball": 1.0}
 """Where else a tool's length may end; how much higher a touch is recorded then, in radii."""
 
-ROUND_MM = (0.5, 1.0, 2.0, -0.5, -1.0, -2.0)
+ROUND_MM = tuple(sign * size for sign in (1, -1) for size in (0.5, 1.0, 2.0, 5.0, 10.0))
 """By how much a length is easily wrong."""
 
 LENGTHS = (
@@ -136,7 +136,7 @@ def mistakes_named(data: Touches, setup: Setup) -> Iterator[None]:
         if not len(data):
             raise
         data = some_rows(data)
-        if np.isfinite(_scatter_um(data, setup)) or not (cause := _cause(data, setup, np.inf)):
+        if not (cause := _cause(data, setup, _scatter_um(data, setup))):
             raise
         raise DataError(f"{error}. Likely cause: {cause}") from None
 
@@ -160,9 +160,10 @@ def _by_size(result: IdentificationResult, setup: Setup) -> list[str]:
                 f"the tool's length measured {where}? It is expected to the centre."
             )
         elif abs(height) > LARGE_UM:
+            tool = ", and the tool's length" if name.startswith("EZ0") else ""
             said.append(
                 f"{name} is {height:+.0f} µm from the set-up, more than 1 mm: are the places of "
-                "the axes and of the artefact there (point_mm, place_mm) right, and in mm?"
+                f"the axes and of the artefact there (point_mm, place_mm){tool} right, and in mm?"
             )
     largest = max(sure, key=lambda name: abs(sure[name]), default=None)
     if largest is not None and TINY_UM[0] < abs(sure[largest]) < TINY_UM[1]:
@@ -226,9 +227,8 @@ def _guesses(data: Touches, setup: Setup) -> Iterator[Guess]:
         with suppress(TrunnionError):  # too far for positions
             meant = _at(data, data.position_mm * factor)
             yield Guess(f"if their positions {what}", meant, setup, factor)
-    turned = {f"{letter}_deg": np.degrees(angle) for letter, angle in data.rotary_deg.items()}
-    with suppress(TrunnionError):  # too far for angles
-        yield Guess("if their angles are in radians", data.with_columns(**turned), setup)
+    for names, unit in ((("x_mm", "y_mm", "z_mm"), "mm"), (tuple(data.set_positions), "deg")):
+        yield from _other_units(data, setup, names, unit)
     yield from _other_columns(data, setup)
     if long := _longer_mm(data, setup):
         text = (
@@ -237,7 +237,8 @@ def _guesses(data: Touches, setup: Setup) -> Iterator[Guess]:
             f"stands as much {'higher' if long > 0 else 'lower'} (place_mm)"
         )
         yield Guess(text, _at(data, data.position_mm - long * _spindle(data, setup)), setup)
-    if "head" in Chain(setup).sides.values():  # else it is a location error, named by its size
+    if "head" in Chain(setup).sides.values() and _of_machine(data, setup):
+        # Else it is a location error, named by its size.
         along = setup.probe.ball_radius_mm * _spindle(data, setup)
         for end, sign in TOOL_ENDS.items():
             meant = _at(data, data.position_mm - sign * along)
@@ -256,16 +257,32 @@ def _guesses(data: Touches, setup: Setup) -> Iterator[Guess]:
             yield Guess(text, data, replace(setup, **{part: changes}))
 
 
+def _other_units(
+    data: Touches, setup: Setup, names: Sequence[str], unit: str
+) -> Iterator[Guess]:
+    """Yield single columns in another unit, and the angles together."""
+    together = [tuple(names)] if unit == "deg" and len(names) > 1 else []
+    for some in (*together, *((name,) for name in names)):
+        for said, factor in factors(unit).items():
+            with suppress(TrunnionError):  # too far for positions
+                meant = data.with_columns(**{name: factor * data[name] for name in some})
+                what = "their angles" if some in together else some[0]
+                yield Guess(f"if {what} {of_number(said, len(some))}", meant, setup)
+
+
 def _other_columns(data: Touches, setup: Setup) -> Iterator[Guess]:
     """Yield columns that may be exchanged, mirrored, or of the contact."""
     pairs = combinations([f"{axis}_mm" for axis in "xyz"], 2)
+    ways = combinations([f"dir_{axis}" for axis in "xyz"], 2)
     turned = combinations([f"{letter}_deg" for letter in data.rotary_deg], 2)
-    for one, other in (*pairs, *turned):
+    for one, other in (*pairs, *ways, *turned):
         exchanged = data.with_columns(**{one: data[other], other: data[one]})
         yield Guess(f"if {one} and {other} are exchanged", exchanged, setup)
     for axis in "xyz":
         mirrored = data.with_columns(**{f"{axis}_mm": -data[f"{axis}_mm"]})
         yield Guess(f"if {axis}_mm counts the other way", mirrored, setup)
+        other_way = data.with_columns(**{f"dir_{axis}": -data[f"dir_{axis}"]})
+        yield Guess(f"if dir_{axis} counts the other way", other_way, setup)
     against = {f"dir_{axis}": -data[f"dir_{axis}"] for axis in "xyz"}
     text = "if every direction of approach is reversed (dir is the way that the ball moves)"
     yield Guess(text, data.with_columns(**against), setup)
@@ -275,6 +292,11 @@ def _other_columns(data: Touches, setup: Setup) -> Iterator[Guess]:
         f"{radius:g} mm (expected: the centre of the ball)"
     )
     yield Guess(text, _at(data, data.position_mm - radius * data.direction), setup)
+
+
+def _of_machine(data: Touches, setup: Setup) -> bool:
+    """Whether touches have the rotary axes of a machine, and no others."""
+    return {letter.upper() for letter in data.rotary_deg} == set(Chain(setup).letters)
 
 
 def _at(data: Touches, position_mm: Floats) -> Touches:
@@ -293,8 +315,8 @@ def _spindle(data: Touches, setup: Setup) -> Floats:
 
 def _longer_mm(data: Touches, setup: Setup) -> float:
     """By how much touches along the spindle are recorded too far from the work; 0: unknown."""
-    if not {letter.upper() for letter in data.rotary_deg} <= set(Chain(setup).letters):
-        return 0.0  # of another machine
+    if not _of_machine(data, setup):
+        return 0.0
     along = np.sum(data.direction * _spindle(data, setup), axis=1) < -ALONG
     if np.count_nonzero(along) < MIN_ALONG:
         return 0.0
