@@ -328,8 +328,9 @@ def diagnose(
 def _alone(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Diagnosis:
     """Diagnose one measurement, of which rows that repeat others count once."""
     used, first, _, repeated = distinct_rows(data)
-    model = model_of(used, setup, effects)
-    found = diagnose_model(model)
+    with refusal_explained(used, setup, _built):
+        model = _built(used, setup, effects)
+        found = diagnose_model(model)
     if model is data:
         return found
     found = replace(found, data=data, setup=setup, candidates=tuple(effects))

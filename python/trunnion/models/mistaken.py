@@ -17,6 +17,7 @@ from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.plain import plain_fit
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.machine.sizes import in_other_units
+from trunnion.probing.mistakes import mistakes_named
 from trunnion.setup import Setup
 
 OWN_RULES = (Touches, AxisLog, Positioning)
@@ -40,11 +41,14 @@ def scatter_by(build: Build) -> Callable[[Any, Any], float]:
 @contextmanager
 def refusal_explained(data: Any, setup: Any, build: Build) -> Iterator[None]:
     """Add the likely cause to an error about data that cannot belong to their model."""
-    if isinstance(data, OWN_RULES):
+    if isinstance(data, Touches) and isinstance(setup, Setup):
+        with mistakes_named(data, setup):
+            yield
+    elif isinstance(data, OWN_RULES):
         yield
-        return
-    with meant_named(data, setup, scatter_by(build)):
-        yield
+    else:
+        with meant_named(data, setup, scatter_by(build)):
+            yield
 
 
 def mistake_notes(found: Diagnosis, data: Any, setup: Any, build: Build) -> tuple[str, ...]:

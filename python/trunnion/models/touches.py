@@ -31,7 +31,6 @@ from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.probing.identify import mistakes_in
 from trunnion.probing.inputs import inputs_of, stated_of, turning
-from trunnion.probing.mistakes import mistakes_named
 from trunnion.probing.model import (
     UNKNOWN_TICK,
     TouchModel,
@@ -486,5 +485,4 @@ def build(
         )
     if not isinstance(setup, Setup):
         raise InputError(f"setup: got {type(setup).__name__}, expected the Setup of these touches")
-    with mistakes_named(data, setup):
-        return TouchDiagnosisModel(data, setup, effects)
+    return TouchDiagnosisModel(data, setup, effects)

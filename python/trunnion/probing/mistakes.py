@@ -257,9 +257,7 @@ def _guesses(data: Touches, setup: Setup) -> Iterator[Guess]:
             yield Guess(text, data, replace(setup, **{part: changes}))
 
 
-def _other_units(
-    data: Touches, setup: Setup, names: Sequence[str], unit: str
-) -> Iterator[Guess]:
+def _other_units(data: Touches, setup: Setup, names: Sequence[str], unit: str) -> Iterator[Guess]:
     """Yield single columns in another unit, and the angles together."""
     together = [tuple(names)] if unit == "deg" and len(names) > 1 else []
     for some in (*together, *((name,) for name in names)):
