@@ -24,7 +24,7 @@ one, or the path of a file of effects."""
 _FIELDS = {f.name: f for f in fields(FormulaEffect)}
 _TAKES: dict[str, tuple[Any, str]] = {
     **dict.fromkeys(("number", "low", "high", "turn"), (int | float, "a number")),
-    "searched": (bool, "true or false"),
+    **dict.fromkeys(("searched", "from_start"), (bool, "true or false")),
 }
 HEAD = """# Effects of one's own, for `trunnion diagnose --effects` and `tn.read_effects`.
 # `data` is the kind of readings that an effect changes, `covariate` what it depends on.

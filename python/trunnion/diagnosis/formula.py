@@ -27,6 +27,8 @@ PERIODS = (0.8, 1.25)
 """Between which the period of a wave is sought, in multiples of the one it was found with."""
 WAVES_A_STEP = 0.25
 """Of the range, by which neighbouring periods of the search differ."""
+SMOOTH = ("polynomial", "wave")
+"""Shapes that have a value at the start of a measurement."""
 LEGENDRE = ("x", "(3x² − 1)/2", "(5x³ − 3x)/2", "(35x⁴ − 30x² + 3)/8")
 
 
@@ -77,6 +79,9 @@ class FormulaEffect:
         What it belongs to ("time" where it depends on time or order).
     searched
         Whether the period of a wave is a parameter.
+    from_start
+        Whether the functions are less their value at `low`: errors of the machine are those at the
+        start, as beside the drifts of the catalogue.
 
     Examples
     --------
@@ -104,6 +109,7 @@ class FormulaEffect:
     label: str = ""
     owner: Owner = Owner.MACHINE
     searched: bool = True
+    from_start: bool = False
 
     def __post_init__(self) -> None:
         """Refuse a formula that is none."""
@@ -123,6 +129,9 @@ class FormulaEffect:
             raise InputError(f"low, high: got {self.low:g}, {self.high:g}, expected low below high")
         if not 0 < self.turn < np.inf:
             raise InputError(f"turn: got {self.turn:g}, expected a length above 0")
+        if self.from_start and self.shape not in SMOOTH:
+            expected = f"a start for {' and '.join(SMOOTH)} only"
+            raise InputError(f"from_start: got true for a {self.shape}, expected {expected}")
 
     @classmethod
     def of_term(cls, term: Term, model: Any) -> FormulaEffect:
@@ -151,6 +160,11 @@ class FormulaEffect:
             label=f"unexplained, {term.sentence()}",
             owner=Owner.TIME if v.sequence else Owner.MACHINE,
         )
+
+    @property
+    def from_start_if_in_time(self) -> FormulaEffect:
+        """It, from the start on if it is a smooth function of time: as a cause it needs a zero."""
+        return replace(self, from_start=self.owner is Owner.TIME and self.shape in SMOOTH)
 
     @checked
     def named(self, id: str, label: str = "") -> FormulaEffect:  # noqa: A002
@@ -235,11 +249,18 @@ class FormulaEffect:
         more: dict[str, Any] = {"label": self.label, "owner": self.owner}
         if self._has_period:
             parts = [(s.astype(float), weight)]
+            if self.from_start:
+                parts.append((np.full(len(s), self.low), -weight))
             return periodic(self.id, self._searched_period(), parts, unit=self._suffix, **more)
         return linear(self.id, self.parameters, weight[:, None] * self.columns_at(s), **more)
 
     def columns_at(self, s: Any) -> Floats:
         """Functions of the quantity, one column a linear parameter."""
+        columns = self._functions(s)
+        return columns - self._functions(np.full(1, self.low)) if self.from_start else columns
+
+    def _functions(self, s: Any) -> Floats:
+        """Functions of the quantity, wherever their zero is."""
         match self.shape:
             case "class":
                 return np.asarray(s.astype(str) == self.at, dtype=np.float64)[:, None]
@@ -283,6 +304,7 @@ class FormulaEffect:
             case _:
                 text = f"offset where {self.covariate} is {self.at}"
         where = f" in {self.component}" if self.component else ""
+        text += f", less its value at s = {self.low:g}" if self.from_start else ""
         return f"change{where}{f' ({self.reading_unit})' if self.reading_unit else ''} = {text}"
 
     def code(self) -> str:
@@ -313,7 +335,20 @@ class FormulaEffect:
             "",
             f"    s: {self.covariate}{unit}, shape (n,); enters: {along}, shape (n,).",
             '    """',
-            *([f"    {x}"] if x else []),
-            f"    return enters * ({body})",
+            *(self._steps_from_start(x, body) if self.from_start else self._steps(x, body)),
         ]
         return "\n".join(lines) + "\n"
+
+    @staticmethod
+    def _steps(x: str, body: str) -> list[str]:
+        return [*([f"    {x}"] if x else []), f"    return enters * ({body})"]
+
+    def _steps_from_start(self, x: str, body: str) -> list[str]:
+        """Lines of code with a function of its own, of which the start is taken off."""
+        return [
+            "    def at(s):",
+            f"        {x}",
+            f"        return {body}",
+            "",
+            f"    return enters * (at(s) - at({self.low!r}))",
+        ]

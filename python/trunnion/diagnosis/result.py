@@ -196,7 +196,8 @@ class Diagnosis(Result):
         """Return the unexplained structure as an effect: with a formula, in words and as code.
 
         It can be handed to :func:`diagnose` as a candidate, or written to a file by
-        :func:`write_effects`.
+        :func:`write_effects`. A smooth function of time is counted from its start, as a drift of
+        the catalogue is: errors of the machine are those at the start then.
 
         Parameters
         ----------
@@ -211,7 +212,7 @@ class Diagnosis(Result):
         if self.structure is None:
             found = self.unexplained or "nothing is unexplained"
             raise InputError(f"draft_effect: got {found}, expected structure in the extended model")
-        draft = self.structure.effect
+        draft = self.structure.effect.from_start_if_in_time
         return draft.named(id or draft.id, label or ("" if id else draft.label))
 
     def rebuilt_model(self) -> Model:
