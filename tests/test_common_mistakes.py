@@ -373,3 +373,131 @@ def test_degrees_are_not_taken_for_radians() -> None:
     for step in (1.0, 5.0, 15.0, 30.0):
         assert in_radians(np.radians(np.arange(0.0, 360.0, step)))
         assert in_radians(np.round(np.radians(np.arange(-90.0, 91.0, step)), 5))
+
+
+# --- a wrong likely cause is worse than none
+
+
+def plate(seed: int = 3) -> tn.Points:
+    """Measured holes of a plate that is a little turned, by formulas of its own."""
+    rng = np.random.default_rng(seed)
+    x, y = (v.ravel() for v in np.meshgrid(np.arange(9) * 40.0, np.arange(7) * 50.0))
+    turn = 0.004
+    at_x = np.cos(turn) * x - np.sin(turn) * y + 2.0 + 1e-3 * rng.normal(0.0, 1.5, x.size)
+    at_y = np.sin(turn) * x + np.cos(turn) * y - 1.0 + 1e-3 * rng.normal(0.0, 1.5, x.size)
+    return tn.Points(nominal_x_mm=x, nominal_y_mm=y, x_mm=at_x, y_mm=at_y)
+
+
+def refusal(data: Any, setup: Any = None) -> str:
+    with pytest.raises(tn.DataError) as refused:
+        tn.diagnose(data, setup)
+    return str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("factor", "unit"), [(1 / 25.4, "is in inches"), (1e-3, "is in m"), (1e3, "is in µm")]
+)
+def test_one_column_of_a_plate_in_another_unit_is_no_deviation(factor: float, unit: str) -> None:
+    """The whole plate was called deviations in µm: what is small enough fits any model."""
+    data = plate()
+    said = refusal(data.with_columns(x_mm=factor * data["x_mm"]))
+    assert f"if x_mm {unit}" in said
+    assert "deviations" not in said
+
+
+def test_one_hole_in_another_unit_is_no_deviation() -> None:
+    data = plate()
+    x_mm = np.array(data["x_mm"])
+    x_mm[30] /= 25.4
+    assert "Likely cause" not in refusal(data.with_columns(x_mm=x_mm))
+
+
+@pytest.mark.parametrize("factor", [1.0, 1e3])
+def test_deviations_of_a_turned_plate_are_named(factor: float) -> None:
+    data = plate()
+    off = {f"{a}_mm": factor * (data[f"{a}_mm"] - data[f"nominal_{a}_mm"]) for a in "xy"}
+    assert "are deviations from the nominal places in" in refusal(data.with_columns(**off))
+
+
+def test_a_part_that_is_longer_than_the_overhang_is_not_called_inches() -> None:
+    data, setup = examples.diameters()
+    said = refusal(data.with_columns(z_mm=1.7 * data["z_mm"]), setup)
+    assert "expected at most the overhang" in said
+    assert "Likely cause" not in said
+
+
+def test_diameters_in_place_of_their_errors_are_not_called_errors_in_nm() -> None:
+    data, setup = examples.diameters()
+    assert "Likely" not in refusal(data.with_columns(error_um=4e4 + data["error_um"]), setup)
+
+
+@pytest.mark.parametrize(
+    ("measured", "target", "said"),
+    [
+        (1 / 25.4, 1.0, "are these inches?"),
+        (0.1, 1.0, "are these cm?"),
+        (1.0, 1e3, "are these m, or the targets µm?"),
+        (-1.0, 1.0, "does the instrument count the other way?"),
+        (0.0, 1.0, "got 0 in every row"),
+    ],
+)
+def test_positions_that_move_otherwise_are_asked_about(
+    measured: float, target: float, said: str
+) -> None:
+    data, _ = examples.positioning()
+    changed = {
+        "measured_mm": measured * data["measured_mm"],
+        "target_mm": target * data["target_mm"],
+    }
+    assert said in refusal(data.with_columns(**changed))
+
+
+def test_a_whole_positioning_test_in_um_is_no_deviation() -> None:
+    data, _ = examples.positioning()
+    moved = {name: 1e3 * data[name] for name in ("target_mm", "measured_mm")}
+    assert "are these µm (1000 times" in tn.diagnose(data.with_columns(**moved)).notes[0]
+
+
+@pytest.mark.parametrize(("factor", "said"), [(np.pi / 180, "radians"), (180 / np.pi, "targets")])
+def test_a_rotary_axis_in_radians_is_asked_about(factor: float, said: str) -> None:
+    target = np.tile(np.linspace(0.0, 330.0, 12), 4)
+    columns = {
+        "target_deg": target,
+        "measured_deg": factor * (target + 1e-3 * np.sin(np.radians(target))),
+        "direction": np.repeat([1, -1, 1, -1], 12),
+        "cycle": np.repeat([1, 1, 2, 2], 12),
+    }
+    assert f"are the{'se' if said == 'radians' else ''}" in refusal(tn.Positioning(columns))
+    assert said in refusal(tn.Positioning(columns))
+
+
+@pytest.mark.parametrize(("small", "factor"), [("mm", 1.0), ("mm", -1.0), ("µm", 1e3)])
+def test_following_errors_in_place_of_positions_are_asked_about(small: str, factor: float) -> None:
+    """They were a motion opposite to the command, or another axis."""
+    log, setup = examples.axis_log()
+    errors = factor * (log["x_cmd_mm"] - log["x_act_mm"])
+    said = refusal(log.with_columns(x_act_mm=errors), setup)
+    which = "commanded less actual" if factor > 0 else "actual less commanded"
+    assert f"are these following errors, {which}, in {small}?" in said
+
+
+@pytest.mark.parametrize(
+    ("columns", "factor", "said"),
+    [
+        (("along_um_m", "across_um_m"), np.pi / 180 * 1e-4, "or degrees (17453 times)"),
+        (("along_um_m",), 1e-3, "along_um_m: values differ by"),
+        (("across_um_m",), 1e3, "across_um_m: values differ by"),
+    ],
+)
+def test_levels_in_another_unit_are_asked_about_column_by_column(
+    columns: tuple[str, ...], factor: float, said: str
+) -> None:
+    bed = tn.read_levels(tn.sample_path("levels/bed.csv"))
+    changed = bed.with_columns(**{name: factor * bed[name] for name in columns})
+    assert said in " ".join(size_notes(changed))
+
+
+def test_readings_in_m_are_not_only_called_inches() -> None:
+    data, _ = examples.rotary_test()
+    some = {name: 1e-6 * data[name] for name in ("dx_um", "dy_um", "dz_um")}
+    assert "m (10⁶ times" in " ".join(size_notes(data.with_columns(**some)))

@@ -18,6 +18,9 @@ MIN_SPREAD_UM = 0.3
 MIN_RELATIVE_SPREAD = 0.02
 """Of the largest: what differs by less is a length in another unit, not deviations from one."""
 
+FOLLOWING = 0.1
+"""By how much the slope of positions over nominal ones differs from 1 at most."""
+
 MAX_OFF_CIRCLE = 1e-3
 """Of the radius: how far commanded positions of a ball-bar lie off their circle or sphere."""
 
@@ -27,9 +30,12 @@ def from_deviations(data: Table) -> Iterator[tuple[str, Table, float]]:
     expected = _nominal_readings(data)
     if not expected:
         return
-    holds, places = ("are", "places") if len(expected) > 1 else ("holds", "length")
+    holds, what = ("are", "places") if len(expected) > 1 else ("holds", "length")
     spread = max(float(np.ptp(data[name])) for name in expected)
-    if spread < MIN_RELATIVE_SPREAD * max(float(np.abs(data[name]).max()) for name in expected):
+    if spread <= MIN_RELATIVE_SPREAD * max(float(np.abs(data[name]).max()) for name in expected):
+        return
+    places = {name: data[name] for name in data.set_positions if name.endswith("_mm")}
+    if any(_follows(data[name], places) for name in expected if f"nominal_{name}" in places):
         return
     for unit, factor in (("mm", 1.0), ("µm", 1e-3)):
         if unit == "µm" and spread < MIN_SPREAD_UM:
@@ -39,8 +45,15 @@ def from_deviations(data: Table) -> Iterator[tuple[str, Table, float]]:
             made = data.with_columns(**meant)
         except TrunnionError:  # no length
             continue
-        text = f"if {listed(expected)} {holds} deviations from the nominal {places} in {unit}"
+        text = f"if {listed(expected)} {holds} deviations from the nominal {what} in {unit}"
         yield text, made, factor
+
+
+def _follows(values: Floats, places: Mapping[str, Floats]) -> bool:
+    """Whether values change by as much as places do: such a column holds positions in mm."""
+    about = np.column_stack([place - place.mean() for place in places.values()])
+    slopes = np.linalg.lstsq(about, values - values.mean(), rcond=1e-9)[0]
+    return abs(float(np.linalg.norm(slopes)) - 1.0) < FOLLOWING
 
 
 def _nominal_readings(data: Table) -> Mapping[str, Floats]:

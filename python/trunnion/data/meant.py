@@ -38,6 +38,8 @@ RIVAL_FACTOR = 2.0
 """Guesses that leave up to so many times the scatter of the best are named beside it."""
 TOO_LARGE = {"mm": 6e4, "µm": 2e3}
 """Readings beyond these are of another unit."""
+MIN_VARIATION = 0.02
+"""Of readings in µm, of their size: diameters of one part in place of their errors vary by less."""
 MAX_RIVALS = 4
 MAX_ROWS = 500
 
@@ -151,27 +153,39 @@ def _scaled(
         some = [name for name in names if unit_of(name) == unit]
         if both and len({name in data.readings for name in some}) < 2:
             continue
-        smaller_fits = _smaller_is_told(data, some)
-        for said, factor in factors(unit).items():
-            if factor < 1 and not smaller_fits:
-                continue
-            with suppress(TrunnionError):  # too far for positions
-                meant = data.with_columns(**{name: factor * data[name] for name in some})
-                text = f"if {listed(some)} {of_number(said, len(some))} (× {factor:.4g})"
-                scale = factor if some[0] in data.readings else 1.0
-                yield Guess(text, meant, setup, scale, listed(some), factor)
+        singles = [[name] for name in some] if len(some) > 1 and not both else []
+        for mine in (some, *singles):
+            smaller_fits = _smaller_is_told(data, mine, alone=len(mine) < len(some))
+            for said, factor in factors(unit).items():
+                if factor < 1 and not (smaller_fits and _vary(data, mine)):
+                    continue
+                with suppress(TrunnionError):  # too far for positions
+                    meant = data.with_columns(**{name: factor * data[name] for name in mine})
+                    text = f"if {listed(mine)} {of_number(said, len(mine))} (× {factor:.4g})"
+                    scale = factor if mine[0] in data.readings else 1.0
+                    # The other readings are as large as before.
+                    scale = scale if len(mine) == len(some) else min(scale, 1.0)
+                    yield Guess(text, meant, setup, scale, listed(mine), factor)
 
 
-def _smaller_is_told(data: Table, names: Sequence[str]) -> bool:
+def _smaller_is_told(data: Table, names: Sequence[str], *, alone: bool = False) -> bool:
     """Whether a model, or their size, tells smaller values of columns from those given.
 
     Smaller readings are nearer to any model that no column of their unit ties down.
+    alone: Other readings of the unit stay: only set positions tie these down.
     """
     unit = unit_of(names[0])
-    others = {*data.readings, *data.set_positions} - set(names)
+    others = {*data.set_positions, *(() if alone else data.readings)} - set(names)
     tied = any(unit_of(name) == unit for name in others)
     size = max(float(np.abs(data[name]).max()) for name in names)
     return not set(names) & set(data.readings) or tied or size > TOO_LARGE.get(unit, np.inf)
+
+
+def _vary(data: Table, names: Sequence[str]) -> bool:
+    """Whether readings vary by a share of their size: what does not is no small reading."""
+    if not set(names) <= set(data.readings) or unit_of(names[0]) != "µm":
+        return True
+    return any(np.ptp(data[n]) > MIN_VARIATION * np.abs(data[n]).max() for n in names)
 
 
 def _sense(name: str) -> str:

@@ -8,7 +8,7 @@ round in mm.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -45,42 +45,72 @@ MAX_SHOWN = 3
 
 @dataclass(frozen=True)
 class Sizes:
-    """Sizes of another unit: from, below, and what the values then are; all in the column's unit.
+    """Sizes that no machine and no instrument gives, of columns that declare a unit.
 
+    least, limit: From which size on, and below which; in the column's unit.
+    meant: What is asked; empty: after the units, in `others`, by which it is an ordinary size.
+    others: Unit → what takes it to the column's; `ordinary`: the sizes that are usual.
     spread: Whether the largest difference counts, else the largest size.
+    each: Whether each column is judged by itself, else the largest of all.
     """
 
     least: float
     limit: float
-    meant: str
-    spread: bool
+    meant: str = ""
+    others: Mapping[str, float] = field(default_factory=dict)
+    ordinary: tuple[float, float] = (0.0, np.inf)
+    spread: bool = False
+    each: bool = True
+
+    def asked(self, size: float, unit: str) -> str:
+        """Ask about a size in a unit; empty: nothing is known of it."""
+        near = {
+            name: factor
+            for name, factor in self.others.items()
+            if self.ordinary[0] <= size * factor <= self.ordinary[1]
+        }
+        if self.meant or not near:
+            return self.meant
+        (name, factor), *rest = near.items()
+        first = f"{name} ({times_text(factor)} as large in {unit})"
+        asked = [first, *(f"{other} ({times_text(times)})" for other, times in rest)]
+        return f"are these {' or '.join(asked)}"
 
 
-IN_M = Sizes(1e-6, 1.0, "are these m (1000 times as large in mm)", spread=False)
+def times_text(factor: float) -> str:
+    """Say a factor: ``1000 times``, ``10⁶ times``."""
+    return "10⁶ times" if factor == 1e6 else f"{factor:.5g} times"
+
+
+IN_M = Sizes(1e-6, 1.0, "are these m (1000 times as large in mm)", each=False)
 """Its limit is by the kind of data (`Table.smallest_mm`)."""
 
 _SIZES: Mapping[str, tuple[Sizes, ...]] = {
     "µm": (
-        Sizes(4e-5, 1e-3, "are these inches (25400 times as large in µm)", spread=True),
         Sizes(
-            1e-3,
-            0.02,
-            "are these mm (1000 times as large in µm) or inches (25400 times)",
+            1e-6,
+            0.3,
+            others={"mm": 1e3, "inches": 25400.0, "m": 1e6},
+            ordinary=(1.0, 510.0),
             spread=True,
         ),
-        Sizes(0.02, 0.3, "are these mm (1000 times as large in µm)", spread=True),
     ),
     "µm/m": (
-        Sizes(1e-7, 1e-3, "are these radians (10⁶ times as large in µm/m)", spread=True),
-        Sizes(1e-3, 0.3, "are these mm/m (1000 times as large in µm/m)", spread=True),
+        Sizes(
+            1e-7,
+            0.3,
+            others={"mm/m": 1e3, "radians": 1e6, "degrees": 1e6 * np.pi / 180.0},
+            ordinary=(0.5, 500.0),
+            spread=True,
+        ),
         Sizes(2e4, np.inf, "are these µm/m already, made 1000 times too large", spread=True),
     ),
     "mm": (
         IN_M,
-        Sizes(6e4, np.inf, "are these µm (1000 times as small in mm)", spread=False),
+        Sizes(6e4, np.inf, "are these µm (1000 times as small in mm)", each=False),
     ),
 }
-"""What no machine and no instrument of the kinds gives, by the unit that a column declares."""
+"""By the unit that a column declares."""
 
 
 def size_notes(data: Any) -> tuple[str, ...]:
@@ -121,11 +151,17 @@ def _asked(unit: str, columns: Mapping[str, Floats], smallest_mm: float) -> str:
     smallest_mm: Below this no positions of the kind are all.
     """
     for sizes in _SIZES.get(unit, ()):
-        size = max(float(np.ptp(v) if sizes.spread else np.abs(v).max()) for v in columns.values())
+        found = {
+            n: float(np.ptp(v) if sizes.spread else np.abs(v).max()) for n, v in columns.items()
+        }
         limit = smallest_mm if sizes is IN_M else sizes.limit
-        if sizes.least <= size < limit:
+        if not sizes.each:
+            found = dict.fromkeys(found, max(found.values()))
+        wrong = {name: size for name, size in found.items() if sizes.least <= size < limit}
+        size = max(wrong.values(), default=0.0)
+        if wrong and (meant := sizes.asked(size, unit)):
             how = "differ by" if sizes.spread else "reach"
-            return f"{listed(columns)}: values {how} {size:.3g} {unit} at most: {sizes.meant}?"
+            return f"{listed(wrong)}: values {how} {size:.3g} {unit} at most: {meant}?"
     return ""
 
 

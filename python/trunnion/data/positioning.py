@@ -26,17 +26,24 @@ MAX_EXCHANGED = 0.5  # different measured positions a target: repeats of a stop 
 DEVIATIONS = 5e-4  # of the travel of the targets: less than of another unit
 OFF_LINE = 0.01  # of the measured travel: half of the positions of an axis are nearer to a line
 MAX_OFF_LINE = 1.0  # mm or degrees: the same, of an axis that hardly moves
+OF_LONG_TRAVEL = 1e-5  # of the measured travel: the same, of positions in a smaller unit
 FAR_OFF = 10.0  # of the median distance from the line: stops that are no part of it
 LARGE_DEVIATION = 1.0  # mm or degrees: what no axis deviates by
 SIDES = {frozenset((1,)): "forward", frozenset((-1,)): "backward"}
-UNITS = {
-    1e3: "are these µm?",
-    25.4: "are the targets inches?",
-    1 / 25.4: "are these inches?",
-    1e-3: "are these m?",
-    -1.0: "does the instrument count the other way?",
+UNITS: Mapping[str, Mapping[float, str]] = {
+    "mm": {
+        **{1e3: "are these µm, or the targets m?", 1e-3: "are these m, or the targets µm?"},
+        0.1: "are these cm?",
+        **{25.4: "are the targets inches?", 1 / 25.4: "are these inches?"},
+        10.0: "are the targets cm?",
+    },
+    "deg": {
+        float(np.radians(1.0)): "are these radians?",
+        float(np.degrees(1.0)): "are the targets radians?",
+    },
 }
-"""Measured travel over that of the targets, and what makes it so."""
+"""Measured travel over that of the targets, and what makes it so, by the columns' unit."""
+OTHER_WAY = "does the instrument count the other way?"
 
 
 class Positioning(Table):
@@ -196,6 +203,11 @@ class Positioning(Table):
         if count < 2:
             return
         suffix, distinct = self._suffix, len(np.unique(self.measured))
+        if distinct == 1:
+            raise DataError(
+                f"measured_{suffix}: got {self.measured[0]:g} in every row, expected measured "
+                "positions"
+            )
         if distinct <= MAX_EXCHANGED * count and len(self) >= 2 * distinct:
             raise DataError(
                 f"target_{suffix}: got {count} different targets, and {distinct} different values "
@@ -203,7 +215,8 @@ class Positioning(Table):
                 "two columns exchanged?"
             )
         slope, off = self._line()
-        if 0.5 < slope < 2.0 and off <= MAX_OFF_LINE:
+        near_line = max(MAX_OFF_LINE, OF_LONG_TRAVEL * float(np.ptp(self.measured)))
+        if 0.5 < slope < 2.0 and off <= near_line:
             return
         # Deviations have steps, a reversal and noise as large as what they change over the travel.
         if abs(slope) < DEVIATIONS or off > OFF_LINE * abs(slope) * float(np.ptp(self.target)):
@@ -216,9 +229,11 @@ class Positioning(Table):
                 f"measured_{suffix}: got values {off:.3g} {suffix} off a line (median), expected "
                 f"measured positions: {self._as_deviations()}"
             )
-        near = [text for factor, text in UNITS.items() if abs(slope / factor - 1) < 0.05]
-        plain = near and (suffix == "mm" or slope < 0)
-        likely = f"; {near[0] if plain else 'another unit, or other columns?'}"
+        near = [
+            text for factor, text in UNITS[suffix].items() if abs(abs(slope) / factor - 1) < 0.05
+        ]
+        turned = [OTHER_WAY] if slope < 0 else []
+        likely = f"; {' '.join([*near, *turned]) or 'another unit, or other columns?'}"
         raise DataError(
             f"measured_{suffix}: got {slope:.3g} {suffix} of travel for each {suffix} of "
             f"target_{suffix}, expected about 1{likely}"

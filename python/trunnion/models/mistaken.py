@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from trunnion.data.axis_log import AxisLog
+from trunnion.data.diameters import Diameters
 from trunnion.data.meant import likely_better, meant_named
 from trunnion.data.mistaken import size_notes
 from trunnion.data.positioning import Positioning
@@ -24,18 +25,34 @@ OWN_RULES = (Touches, AxisLog, Positioning)
 """Kinds whose models say themselves what was mistaken."""
 
 MIN_FREEDOM = 5
+MIN_OF_OVERHANG = 0.3
+"""Of the overhang, that measured places of a part reach."""
 
 Build = Callable[[Any, Any], Model]
 
 
 def scatter_by(build: Build) -> Callable[[Any, Any], float]:
-    """Return the rms of what the plain model of data leaves; infinite with too few readings."""
+    """Return the rms of what the plain model of data leaves.
+
+    Infinite with too few readings, or places that are far smaller than the set-up says.
+    """
 
     def scatter(data: Any, setup: Any) -> float:
-        found = plain_fit(build(data, setup))
+        model = build(data, setup)
+        if isinstance(data, Diameters) and not _of_overhang(data, model):
+            return np.inf
+        found = plain_fit(model)
         return float(np.sqrt(found.rss / found.dof)) if found.dof >= MIN_FREEDOM else np.inf
 
     return scatter
+
+
+def _of_overhang(data: Diameters, model: Any) -> bool:
+    """Whether places of diameters are on a part that sticks out as far as the set-up says.
+
+    No other column tells how long the part is: on a tiny one any readings fit.
+    """
+    return bool(np.max(data.z_mm) >= MIN_OF_OVERHANG * model.conditions.overhang_mm)
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from trunnion.base.errors import DataError, InputError
-from trunnion.base.units import unit_of
+from trunnion.base.units import Floats, unit_of
 from trunnion.contouring.servo import Servo
 from trunnion.data.axis_log import AxisLog
 from trunnion.data.mistaken import factors
@@ -15,6 +15,7 @@ from trunnion.models.axis_log.steps import step_of
 MAX_PERIOD_GAIN = 2.0  # time between samples, times the loop gain
 MIN_MOTION = 0.01  # rms motion from which on it is checked, mm or deg
 MAX_UNCOMMANDED = 0.2  # of the motion, that goes otherwise than commanded
+TINY = 1e-300
 SAME_UNIT = 0.05  # what a servo with another gain makes of a ratio of units
 MIN_ERROR = 1.0  # following error from which on the reference is checked, µm or arcsec
 MAX_AGREEMENT = 1e-3  # of the following error that the servo model says
@@ -116,6 +117,8 @@ def check_motion(signal: AxisSignal) -> None:
     if float(model @ model) < len(model) * MIN_MOTION**2:
         return  # at rest, or nearly
     ratio = float(model @ actual / (model @ model))
+    if asked := _as_errors(signal, actual):
+        raise DataError(f"axis log, {name}_act_{unit}: got {asked}")
     if -2.0 < ratio < -0.5:
         raise DataError(
             f"axis log, {name}_act_{unit}: got motion opposite to {name}_cmd_{unit}, expected the "
@@ -140,6 +143,29 @@ def check_motion(signal: AxisSignal) -> None:
             f"axis log, {name}_act_{unit}: got positions {-1e3 * late_s:.3g} ms ahead of "
             f"{name}_cmd_{unit}, expected them behind: are the columns exchanged?"
         )
+
+
+def _as_errors(signal: AxisSignal, actual: Floats) -> str:
+    """Ask whether actual positions are following errors; empty: they are not.
+
+    actual: Without its mean in each run.
+    """
+    lag = signal.commanded - signal.predicted
+    for run in signal.runs:
+        lag[run.rows] -= lag[run.rows].mean()
+    share = float(lag @ actual) / max(float(lag @ lag), TINY)
+    off = float(np.sqrt(np.mean((actual - share * lag) ** 2)))
+    units = {signal.units.large: 1.0, signal.units.small_symbol: signal.units.scale}
+    near = [unit for unit, factor in units.items() if 0.5 < abs(share) / factor < 2.0]
+    if not near or off > MAX_UNCOMMANDED * float(np.sqrt(np.mean(actual**2))):
+        return ""
+    small = signal.letter.lower(), signal.units.large
+    command = "{}_cmd_{}".format(*small)
+    less = "commanded less actual" if share > 0 else "actual less commanded"
+    return (
+        f"what the axis is behind {command}, expected its position: are these following errors, "
+        f"{less}, in {near[0]}?"
+    )
 
 
 def _unit_said(column: str, ratio: float) -> str:
