@@ -64,6 +64,14 @@ def test_a_warm_tool_parts_wear_from_heating() -> None:
         assert settled.named == set(hidden)
 
 
+@pytest.mark.parametrize("seed", [7, 27, 92, 110])
+def test_a_tool_soon_warm_is_found_beside_a_pass_on_a_warm_one(seed: int) -> None:
+    """That pass makes the cutting time five times as long; the time constant is one of a pass."""
+    got = diagnose(*measured(seed, ("tool_heating", "tool_wear"), 2, warm=True))
+    assert got.verdict == "explained"
+    assert got.named == {"tool_heating", "tool_wear"}
+
+
 def test_without_a_clock_the_length_cut_takes_its_place() -> None:
     data, _ = measured(2, ("tool_heating",), 1)
     data = data.with_columns(time_s=None)

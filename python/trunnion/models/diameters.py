@@ -236,8 +236,11 @@ class _Cause:
                 np.geomspace(2 * pitch, max(20 * pitch, 5.0), TIME_CONSTANTS // 2).tolist()
             )
         if self.name.endswith("heating"):
+            # A pass on a tool that was warm before makes the time of all passes long.
             longest = max(float(np.ptp(cuts[:, 2])), 1e-6)
-            return tuple(np.geomspace(longest / 15, 2 * longest, TIME_CONSTANTS).tolist())
+            low, high = max(self._pass_time(), 1e-6) / 15, 2 * longest
+            count = TIME_CONSTANTS * np.log(high / low) / np.log(30.0)
+            return tuple(np.geomspace(low, high, int(np.ceil(count - 1e-9))).tolist())
         # From two waves over the part to what two and a half readings still show.
         span = max(float(np.ptp(cuts[:, 1])), 1e-6)
         most = max(2.5, len(np.unique(np.round(cuts[:, 1], 6))) / 2.5)
@@ -309,12 +312,16 @@ class _Cause:
         """Wear that matters, over the longest pass; the other causes have to show themselves."""
         if self.name != "tool_wear":
             return None
+        longest = max(self._pass_time(), 1e-6)
+        if self.reference.timed:
+            return {"rate_um_min": 60.0 * MIN_WEAR_UM / longest}
+        return {"rate_um_m": 1e3 * MIN_WEAR_UM / longest}
+
+    def _pass_time(self) -> float:
+        """Cutting time of the longest pass."""
         time = self.cuts[:, 2]
         labels = _labels(self.data.pass_, len(time))
-        longest = max(float(np.ptp(time[labels == label])) for label in _in_order(labels))
-        if self.reference.timed:
-            return {"rate_um_min": 60.0 * MIN_WEAR_UM / max(longest, 1e-6)}
-        return {"rate_um_m": 1e3 * MIN_WEAR_UM / max(longest, 1e-6)}
+        return max(float(np.ptp(time[labels == label])) for label in _in_order(labels))
 
 
 def _catalogue(data: Diameters, conditions: Conditions, reference: _Reference) -> list[Effect]:

@@ -146,7 +146,13 @@ def next_passes(diagnosis: Diagnosis) -> tuple[NextPass, ...]:
             else:
                 apart[other] = _distance(bound, truth, other, diagnosis.effects) / noise
         found.append(NextPass(label, apart))
-    return tuple(sorted(found, key=lambda n: (-len(n.distinguished), -min(n.apart.values()))))
+    return tuple(sorted(found, key=_rank))
+
+
+def _rank(one: NextPass) -> tuple[int, float]:
+    """Order of a pass: what it distinguishes counts, and how clearly; not what no pass does."""
+    least = min((one.apart[causes] for causes in one.distinguished), default=None)
+    return -len(one.distinguished), -(max(one.apart.values()) if least is None else least)
 
 
 def _held(diagnosis: Diagnosis, model: Model, causes: frozenset[str]) -> Named:
