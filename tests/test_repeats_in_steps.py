@@ -44,6 +44,37 @@ def test_rows_pasted_twice_are_copies_beside_honest_repeats() -> None:
         assert "60 of 207 rows repeat others in every column" in found.notes[0]
 
 
+@pytest.mark.parametrize("digits", [3, 4])
+@pytest.mark.parametrize("shuffled", [False, True])
+def test_rows_pasted_from_a_rounded_table_are_copies(digits: int, shuffled: bool) -> None:
+    """They were repeats that agree far better than the model misses them: unexplained."""
+    data = plates(1.5, 1e-6)
+    order = np.random.default_rng(2).permutation(len(data)) if shuffled else np.arange(len(data))
+    copy = {k: np.round(v, digits) if v.dtype.kind == "f" else v for k, v in data.columns.items()}
+    both = together(data, tn.Points(copy)[order])
+    found = distinct_rows(both)
+    assert found.rows is not None
+    assert found.rows.tolist() == list(range(len(data)))
+    assert "rows repeat others with fewer digits" in found.notes[-1]
+    assert tn.diagnose(both).errors_std == tn.diagnose(data).errors_std
+
+
+@pytest.mark.parametrize("noise", [0.1, 0.3, 1.0])
+@pytest.mark.parametrize("digits", [1, 2, 3])
+def test_honest_repeats_of_a_rounded_instrument_are_no_copies(noise: float, digits: int) -> None:
+    """The second half of a session was noted with fewer digits; or numbers end in zeros."""
+    for seed in range(4):
+        data = plates(noise, 1e-6, seed)
+        again = plates(noise, 1e-6, seed + 50)
+        rounded = {k: np.round(v, digits) for k, v in again.readings.items()}
+        if noise >= 10.0 ** (3 - digits):  # else they say no more than the others
+            found = distinct_rows(together(data, again.with_columns(**rounded)))
+            assert "fewer digits" not in " ".join(found.notes)
+        steps = {k: np.round(v * 20, digits) / 20 for k, v in data.readings.items()}
+        found = distinct_rows(data.with_columns(**steps))
+        assert "fewer digits" not in " ".join(found.notes)
+
+
 def test_repeats_that_all_agree_count_once() -> None:
     found = distinct_rows(plates(0.0, 1.0))
     assert len(found.data) == 49

@@ -17,7 +17,7 @@ from scipy.special import bdtrc
 
 from trunnion.base.recognition import recognised
 from trunnion.base.rows import equal_rows
-from trunnion.base.units import Floats, Integers
+from trunnion.base.units import Flags, Floats, Integers
 from trunnion.files.table import Table
 
 LABELS = ("cycle", "pass", "run")
@@ -32,6 +32,11 @@ OFTEN = 0.5
 """Share of agreeing repeats times that rms: 0.4 of normal noise of some steps."""
 
 
+WHOLE = 1e-5
+MAX_DIGITS = 9
+"""After the decimal point; what has more was not written by hand or by a table."""
+FEWER_DIGITS = 2
+"""Of a rounded copy, at least."""
 MIN_CYCLES = 2
 """Of repeats."""
 ALL_ALIKE = (
@@ -39,6 +44,7 @@ ALL_ALIKE = (
     "no repeatability."
 )
 _WHERE_PASTED = "in every column (pasted twice, or alike in steps?)"
+_WHERE_ROUNDED = "with fewer digits (pasted from a rounded table?)"
 _WHERE_LATER = "in every column but time_s (pasted with other times, or alike in steps?)"
 
 
@@ -70,6 +76,7 @@ def distinct_rows(data: Any) -> Distinct:
     for found, what in (
         (_once, _WHERE_PASTED),
         (_with_other_times, _WHERE_LATER),
+        (_with_fewer_digits, _WHERE_ROUNDED),
         (
             _without_copies,
             f"to the last digit under another {_label(data)} (copied, or alike in steps?)",
@@ -167,6 +174,62 @@ def _with_other_times(data: Table) -> Integers:
         if len(run) >= MIN_COPIED:
             original[run] = first[run]
     return rows if _by_chance(data, original, "time_s") else original
+
+
+def _with_fewer_digits(data: Table) -> Integers:
+    """Of each row of a run whose readings are those of others, rounded, that row; but for times.
+
+    Repeats that are honest and scatter by half a step or more agree so in every second row at most.
+    Single readings end in zeros by chance.
+    """
+    rows, readings = np.arange(len(data)), data.readings
+    if not readings or ("time_s" in data.columns and data.kinds["time_s"].required):
+        return rows
+    digits = np.max([_digits(v) for v in readings.values()], axis=0)
+    for count in np.unique(digits)[:-1].tolist():
+        coarse = _in_runs(digits <= count)
+        if not coarse.any() or np.median(digits[~coarse]) < count + FEWER_DIGITS:
+            continue
+        rounded = {
+            name: np.round(v, count) + 0.0 if v.dtype.kind == "f" else v
+            for name, v in data.columns.items()
+            if name != "time_s"
+        }
+        given = [v for name, v in rounded.items() if name not in readings]
+        again = _among(coarse, given)[coarse] >= 0
+        of = _among(coarse, list(rounded.values()))
+        copied = int(np.sum(of[coarse] >= 0))
+        if copied >= MIN_COPIED and bdtrc(copied - 1, again.sum(), OFTEN) <= MAX_CHANCE:
+            return np.where(of >= 0, of, rows)
+    return rows
+
+
+def _in_runs(some: Flags) -> Flags:
+    """Those of some rows that are in runs as long as a block."""
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], some, [False]]).astype(int)))
+    out = np.zeros(len(some), dtype=bool)
+    for first, last in zip(ends[::2].tolist(), ends[1::2].tolist(), strict=True):
+        out[first:last] = last - first >= MIN_COPIED
+    return out
+
+
+def _digits(values: Floats) -> Integers:
+    """Digits after the decimal point of each value, `MAX_DIGITS` + 1 of one that has more."""
+    digits = np.full(len(values), MAX_DIGITS + 1)
+    for count in range(MAX_DIGITS, -1, -1):
+        scaled = values * 10.0**count
+        digits[np.abs(scaled - np.round(scaled)) < WHOLE] = count
+    return digits
+
+
+def _among(some: Flags, columns: Sequence[NDArray[Any]]) -> Integers:
+    """Of each row of ``some`` the first of the others that is as it is in every column, else -1."""
+    codes = [np.unique(v, return_inverse=True)[1].reshape(-1) for v in columns]
+    label = equal_rows(codes)[0] if codes else np.zeros(len(some), dtype=np.intp)
+    first = np.full(len(label), -1)
+    others = np.flatnonzero(~some)[::-1]
+    first[label[others]] = others
+    return np.where(some, first[label], -1)
 
 
 def _first_equal(columns: Sequence[NDArray[Any]]) -> Integers:

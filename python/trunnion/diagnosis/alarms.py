@@ -11,6 +11,7 @@ from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.outliers import MIN_FREE
+from trunnion.diagnosis.records import units_of, with_unit
 
 CAUSE_LEVEL = 0.02
 REPEAT_LEVEL = 0.005
@@ -156,11 +157,17 @@ def _against_repeats(case: Case, f: Fit) -> tuple[str | None, float]:
     if p >= REPEAT_LEVEL:
         return None, p / REPEAT_LEVEL
     note = (
-        f"repeats agree to {np.sqrt(pure[0] / dof_pure):.3g}, but the model misses "
+        f"repeats agree to {_agreement(case, pure[0] / dof_pure)}, but the model misses "
         f"their means by {np.sqrt(max(ratio, 0)):.2g} times that; no recorded "
         "quantity explains it"
     )
     return note, p / REPEAT_LEVEL
+
+
+def _agreement(case: Case, variance: float) -> str:
+    """Say how closely repeats agree, in their unit if they have one; ``variance``: of them."""
+    units, _ = units_of(case.model.readings)
+    return with_unit(f"{np.sqrt(variance):.3g}", units[0] if len(units) == 1 else "")
 
 
 def _pure(white: Floats, some: Flags, group: Integers, least: float) -> Floats:
