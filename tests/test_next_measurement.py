@@ -5,13 +5,17 @@ The whole table is docs/results/power-further.md, made by ``make power-further``
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import trunnion as tn
 from power.further import Machine, again, done, left_of_doubt
 from power.study import draw_effects, ground
 from promise import kept, needed_runs
+from trunnion.cli import app
 from twin.forward import Truth
 from twin.generator import measure, random_errors, random_placement
 
@@ -122,3 +126,46 @@ def test_a_shift_of_no_known_size_leaves_the_other_sets_to_settle() -> None:
     doubtful = {a.causes for a in d.evidence[1:]}
     assert any("setup_shift" in causes for causes in doubtful)
     assert any(set(test.apart) < doubtful for test in tn.next_measurement(d))
+
+
+def doubted(seed: int) -> tuple[tn.Diagnosis, Truth]:
+    """Diagnose a ball that is 3 µm larger, by the twin: bending or delay make the same."""
+    rng = np.random.default_rng([67, seed])
+    plan, setup, _, read = ground("paper")
+    hidden = {"probe_radius": {"dr_um": 3.0}}
+    truth = Truth(errors=random_errors(rng), placement=random_placement(rng), effects=hidden)
+    first = measure(plan, setup, truth, noise_um=NOISE_UM, tick_um=0.1, seed=seed)
+    return tn.diagnose(tn.Touches(first.columns), read), truth
+
+
+def test_touches_that_follow_are_one_measurement_with_the_first() -> None:
+    """As two measurements the few that follow have fewer readings than unknowns."""
+    d, truth = doubted(1)
+    assert len(d.alternatives) > 2
+    following = done(tn.next_touches(d, 12), Machine(truth, NOISE_UM), np.random.default_rng(2))
+    both = tn.diagnose(d.data.followed_by(following), d.setup)
+    assert [c.id for c in both.causes] == ["probe_radius"]
+    with pytest.raises(tn.DataError, match=r"one measurement: first\.followed_by\(these\)"):
+        tn.diagnose([d.data, following], d.setup)
+    early = following.with_columns(time_s=following["time_s"] - following["time_s"].min())
+    with pytest.raises(tn.InputError, match="expected later ones of one clock"):
+        d.data.followed_by(early)
+    assert len(d.data.followed_by(following.with_columns(time_s=None))) == len(d.data) + 12
+
+
+def test_the_command_writes_touches_that_follow_behind_the_first(tmp_path: Path) -> None:
+    """The program's clock begins anew; the plan's runs on from the first touches."""
+    d, _ = doubted(2)
+    setup, first, plan, log = (tmp_path / n for n in ("s.toml", "1.csv", "next.csv", "next.log"))
+    setup.write_text('[machine]\npreset = "trt-ca"\n[artefact]\nkind = "cross"\n', encoding="utf-8")
+    d.data.to_csv(first)
+    tn.next_touches(d, 8).to_csv(plan)
+    command = ["simulate", str(plan), str(setup), "--probe-log", str(log), "--quiet"]
+    assert CliRunner().invoke(app, command).exit_code == 0
+    both = tmp_path / "both.csv"
+    command = ["touches", *map(str, (plan, log, setup)), "--after", str(first), "-o", str(both)]
+    said = CliRunner().invoke(app, command)
+    assert "8 of 8 planned touches" in said.output
+    times = tn.read_touches(both)["time_s"]
+    assert len(times) == len(d.data) + 8
+    assert np.all(np.diff(times) > 0)

@@ -98,9 +98,7 @@ def done(plan: Any, machine: Machine, rng: Rng) -> Any:
 def again(d: tn.Diagnosis, more: Any) -> tn.Diagnosis:
     """Diagnose what was measured and the further test together."""
     if isinstance(d.data, tn.Touches) and isinstance(more, tn.Touches):
-        names = [name for name in d.data.columns if name in more.columns]
-        both = {n: np.concatenate([d.data.columns[n], more.columns[n]]) for n in names}
-        return tn.diagnose(tn.Touches(both), d.setup)
+        return tn.diagnose(d.data.followed_by(more), d.setup)
     return tn.diagnose([d.data, more], d.setup or ground("paper")[3])
 
 

@@ -147,6 +147,13 @@ def touches(
             "times of the touches are those of the program, not of the plan",
         ),
     ],
+    after: Annotated[
+        Path | None,
+        typer.Option(
+            help="touches that these follow, the artefact left as it is (of diagnose --next): both "
+            "are written, as one measurement"
+        ),
+    ] = None,
     output: Output = None,
 ) -> Answer:
     """Write the touches that a probing program logged, as data for every other command."""
@@ -156,6 +163,9 @@ def touches(
     planned = tn.read_touches(plan)
     measured = read_log(log, planned, tn.read_setup(set_ups[0]) if set_ups else None)
     notes = measured.recognised.notes if measured.recognised else ()
+    logged, missing = len(measured), _missing(planned, measured)
+    if after is not None:
+        measured = _following(tn.read_touches(after), measured, planned)
     values = {
         "touches": len(measured),
         "planned": len(planned),
@@ -164,8 +174,17 @@ def touches(
     }
     if output is None:
         return Answer(values, (*(f"# {note}" for note in notes), measured.to_csv().rstrip("\n")))
-    said = f"{len(measured)} of {len(planned)} planned touches{_missing(planned, measured)}"
+    said = f"{logged} of {len(planned)} planned touches{missing}"
     return Answer(values, (*notes, said, save(output, measured.save)))
+
+
+def _following(first: tn.Touches, measured: tn.Touches, planned: tn.Touches) -> tn.Touches:
+    """Return touches and those that follow them, by the clock of a plan that runs on."""
+    at, start = measured.time_s, planned.time_s
+    runs_on = first.time_s is not None and start is not None and start.min() > first.time_s.max()
+    if runs_on and at is not None and start is not None:
+        measured = measured.with_columns(time_s=at + max(0.0, start.min() - at.min()))
+    return first.followed_by(measured)
 
 
 def _missing(planned: tn.Touches, measured: tn.Touches) -> str:

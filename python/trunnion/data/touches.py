@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trunnion.base.errors import InputError
 from trunnion.base.units import Floats
 from trunnion.files.columns import (
     ColumnError,
@@ -89,6 +90,34 @@ class Touches(Table):
     def rotary_dir(self) -> Mapping[str, Int]:
         """Senses of the last turns that the data have, by the axis's letter: a, b, c."""
         return by_axis(self, "dir")
+
+    def followed_by(self, later: "Touches") -> "Touches":
+        """Put touches that were made later below these: one measurement, nothing having moved.
+
+        Those of `next_touches` are meant so. Columns that only one of both has are left out.
+
+        Raises
+        ------
+        InputError
+            Their times begin before these end: expected are times of one clock.
+
+        Examples
+        --------
+        >>> import trunnion as tn
+        >>> touches = tn.read_touches(tn.sample_path("cross/touches.csv"))
+        >>> len(touches[:60].followed_by(touches[60:]))
+        72
+        """
+        names = [name for name in self.columns if name in later.columns]
+        parts = [
+            one.with_columns(**dict.fromkeys({*one.columns} - {*names})) for one in (self, later)
+        ]
+        if "time_s" in names and later["time_s"].min() < self["time_s"].max():
+            raise InputError(
+                f"time_s: got touches from {later['time_s'].min():g} s on that follow others up to "
+                f"{self['time_s'].max():g} s, expected later ones of one clock: add the pause"
+            )
+        return Touches.concatenate(parts)
 
     def _check(self) -> None:
         for axis in self.rotary_dir:

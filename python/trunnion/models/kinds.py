@@ -19,6 +19,7 @@ from trunnion.base.checks import choose, nearest
 from trunnion.base.errors import DataError, InputError, TrunnionError
 from trunnion.data.distinct import distinct_rows, given_again
 from trunnion.data.times import time_notes
+from trunnion.data.touches import Touches
 from trunnion.diagnosis.effect import EffectLike
 from trunnion.diagnosis.engine import diagnose as diagnose_model
 from trunnion.diagnosis.engine import leave
@@ -33,6 +34,11 @@ from trunnion.models.mistaken import mistake_notes, refusal_explained
 from trunnion.models.several import Measured, joined, joint_model
 from trunnion.probing.model import catalogue as touch_catalogue
 from trunnion.setup import Setup
+
+FOLLOWING = (
+    "Do they follow the others, the artefact left as it is? Then both are one measurement: "
+    "first.followed_by(these), or trunnion touches --after"
+)
 
 Builder: TypeAlias = Callable[[Any, Any, Sequence[EffectLike | str]], Model]
 """``build(data, setup, effects)``: the set-up may be None; ``effects`` are further candidates."""
@@ -404,6 +410,8 @@ def _measured(
             measured.append(_one_of_several(one, setup, effects))
         except TrunnionError as error:
             name_place(error, [one])
+            if isinstance(one, Touches) and any(isinstance(m.data, Touches) for m in measured):
+                error.args = (f"{error}. {FOLLOWING}",)
             raise
     return measured
 

@@ -33,7 +33,7 @@ from trunnion.diagnosis.whitening import Scaling, Whiten, identity
 from trunnion.models.ballbar.model import BallbarModel
 from trunnion.models.joint import JointModel
 from trunnion.models.kinds import measured_of
-from trunnion.models.next_touches import MAX_SETS, joined_touches, next_touches
+from trunnion.models.next_touches import MAX_SETS, next_touches
 from trunnion.models.parts import Part, Scaled
 from trunnion.models.positioning import PositioningModel
 from trunnion.models.touches import TouchDiagnosisModel
@@ -274,7 +274,7 @@ def _more_touches(diagnosis: Diagnosis) -> Iterator[_Test]:
             next_touches(diagnosis, FEW),
         ),
     ):
-        both = model.bind(joined_touches(old, new))
+        both = model.bind(old.followed_by(new))
         yield _Test(
             label,
             "touches",

@@ -157,7 +157,7 @@ def expected_discrimination(d: Diagnosis, n: int = 8) -> ExpectedDiscrimination:
     pool = _pool(model)
     used = np.flatnonzero(~np.isin(np.arange(len(d.data)), d.outliers))
     old = d.data[used]
-    both = model.bind(joined_touches(old, pool))
+    both = model.bind(old.followed_by(pool))
     is_old = np.arange(len(both.data)) < len(old)
     tried = [
         (a.causes, _hypothesis(model, both, d, used, a.start, a.distance))
@@ -222,12 +222,6 @@ def _pool(model: TouchDiagnosisModel) -> Touches:
     end = float(np.max(model.data.time_s))
     pace = (end - float(np.min(model.data.time_s))) / max(len(model.data) - 1, 1)
     return made.with_columns(time_s=np.full(len(made), end + PAUSE_S + 4 * pace))
-
-
-def joined_touches(a: Touches, b: Touches) -> Touches:
-    """One after the other, with the columns that both have."""
-    names = [c for c in a.columns if c in b.columns and not c.startswith("start_")]
-    return Touches({c: np.concatenate([a.columns[c], b.columns[c]]) for c in names})
 
 
 def _hypothesis(
