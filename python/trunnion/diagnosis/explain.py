@@ -21,10 +21,10 @@ from trunnion.diagnosis.selection import WITHIN, Found, Search, search
 from trunnion.diagnosis.terms import (
     best_terms,
     has_a_name,
-    is_a_sum,
     one_term_score,
     promising,
     stands_for_causes,
+    sums_of_causes,
 )
 from trunnion.diagnosis.whitening import Whiteners, correlated
 
@@ -157,7 +157,8 @@ def _explained(case: Case) -> Explanation:
         picked = []
         if unexplained or stands_for_causes(case, best):
             picked = promising(case, (extended, plain))
-            picked = [i for i in picked if not is_a_sum(case, i, best)]
+            sums = sums_of_causes(case, picked, best)
+            picked = [i for i in picked if i not in sums]
             if not unexplained:
                 picked = [i for i in picked if not has_a_name(case, i)]
         weighed = (unexplained or demanded) and not chances.search.more

@@ -23,16 +23,19 @@ def best_place(gains: Callable[[Floats], Floats], grid: Sequence[float]) -> floa
     grid: Values in ascending order, all above zero, two at least.
     """
     points = np.asarray(grid, dtype=np.float64)
-    cells = np.argsort(-gains(points))[:MAX_CELLS]
-    fine = np.unique(
+    at_points = gains(points)
+    cells = np.argsort(-at_points)[:MAX_CELLS]
+    between = np.unique(
         [
             points[c] ** (1 - t) * points[d] ** t
             for c in cells
             for d in (max(c - 1, 0), min(c + 1, len(points) - 1))
-            for t in (0.0, 0.25, 0.5)
+            for t in (0.25, 0.5)
+            if c != d
         ]
     )
-    best = fine[int(np.argmax(gains(fine)))]
+    every = np.concatenate([points, between])
+    best = every[int(np.argmax(np.concatenate([at_points, gains(between)])))]
     cell = int(np.clip(np.searchsorted(points, best), 1, len(points) - 1))
     width = 0.3 * float(np.log(points[cell] / points[cell - 1]))
     low, high = best * np.exp(-width), best * np.exp(width)

@@ -119,27 +119,38 @@ def has_a_name(case: Case, term: int) -> bool:
     return bool(np.max(made, initial=0.0) > SAME**2)
 
 
-def is_a_sum(case: Case, term: int, best: Found) -> bool:
-    """Whether causes of a set together make all that a term makes, by no more than one coincidence.
+def sums_of_causes(case: Case, terms: Sequence[int], best: Found) -> set[int]:
+    """Terms of which causes of a set together make all, by no more than one coincidence.
 
     Opposite backlashes of X and Y are a second harmonic of the approach azimuth where touches go
     along the axes only: that two sizes are equal is nothing rare on one machine, that three are is.
-    A cubic is no sum of causes that are each larger than it and cancel.
+    A cubic is no sum of causes that are each larger than it and cancel. All is decided on inner
+    products.
     """
-    if not best.blocks:
-        return False
-    own = _directions(case, term)
-    every = [case.candidates.columns(b) for b in best.blocks]
-    parts = _sizes(case, best, every, own)
-    left = own.copy()
-    for x, size in zip(every, parts, strict=True):
-        left -= x.T @ size
-    # columns of a block are orthonormal, so that sizes are those of what they make
-    *sizes, rest = (float(np.einsum("ij,ij->j", x, x).max(initial=0.0)) for x in (*parts, left))
-    acting = [b for b, size in zip(best.blocks, sizes, strict=True) if size > SAME_SHARE]
-    columns = int(np.sum(case.candidates.rank[acting]))
-    same = rest < SAME_SHARE and max(sizes) < 1.0 + SAME_SHARE
-    return same and columns <= own.shape[1] + 1
+    if not (best.blocks and terms):
+        return set()
+    c, rows = case.candidates, [case.dictionary.block(term).T for term in terms]
+    columns = np.concatenate(rows).T
+    taken = case.plain.basis.T @ columns
+    # The columns of causes are orthogonal to the basis: theirs are those of what it leaves, too.
+    along = np.concatenate(inners([c.columns(b) for b in best.blocks], columns))
+    gram, count = c.gram(best.blocks), c.rank[list(best.blocks)]
+    ends = np.cumsum([len(x) for x in rows])
+    found = set()
+    for term, x, t, own in zip(
+        terms, rows, *(np.split(a, ends[:-1], axis=1) for a in (taken, along)), strict=True
+    ):
+        square, ways = np.linalg.eigh(x @ x.T - t.T @ t)
+        ways = ways[:, square > DEPENDENT] / np.sqrt(square[square > DEPENDENT])
+        of_ways = own @ ways
+        sizes = np.linalg.lstsq(gram, of_ways, rcond=c.dependent**2)[0]
+        left = 1.0 - 2.0 * np.sum(of_ways * sizes, axis=0) + np.sum(sizes * (gram @ sizes), axis=0)
+        # columns of a block are orthonormal, so that sizes are those of what they make
+        made = np.add.reduceat(sizes**2, np.cumsum(count) - count).max(axis=1, initial=0.0)
+        same = left.max(initial=0.0) < SAME_SHARE and made.max() < 1.0 + SAME_SHARE
+        if same and count[made > SAME_SHARE].sum() <= ways.shape[1] + 1:
+            found.add(term)
+    return found
 
 
 def promising(case: Case, fits: Sequence[Fit]) -> list[int]:

@@ -50,6 +50,8 @@ STEP_DEG = 1e-3
 """Of a rotary axis, over which readings are differenced."""
 SAME_PLACE = 1e-3
 """µm, arcsec: over so little derivatives change by 1e-8 of themselves."""
+MAX_KEPT = 2
+"""Derivatives: where all fits start from, and the last."""
 NOT_CATALOGUED = "the model of the machine has no such effect"
 
 
@@ -103,7 +105,7 @@ class RotaryTestModel(Model):
             else Nuisance(names[k], "µm")
             for k in self._fitted
         )
-        self._at = (self.start, at_start[:, self._fitted])
+        self._at = [(self.start, at_start[:, self._fitted])]
         self._given = tuple(effects)
         self._catalogue = _Catalogue(self._known)
         found = self._catalogue.effects()
@@ -128,13 +130,15 @@ class RotaryTestModel(Model):
         return np.asarray(self._known.modelled(self._whole(nuisance)).ravel() - self._reference)
 
     def base_jacobian(self, nuisance: Floats) -> Floats:
-        """Return their derivative (the last one is kept, of many rows for what is next to it)."""
+        """Return their derivative (the last are kept, of many rows for what is next to them)."""
         near = SAME_PLACE if len(self.data) >= MANY_ROWS else 0.0
-        if not np.all(np.abs(nuisance - self._at[0]) <= near):
+        known = next((one for one in self._at if np.all(np.abs(nuisance - one[0]) <= near)), None)
+        if known is None:
             jacobian = self._known.jacobian(self._whole(nuisance))
             every = len(self._fitted) == jacobian.shape[1]
-            self._at = (nuisance.copy(), jacobian if every else jacobian[:, self._fitted])
-        return self._at[1]
+            known = nuisance.copy(), jacobian if every else jacobian[:, self._fitted]
+        self._at = [known, *(one for one in self._at if one is not known)][:MAX_KEPT]
+        return known[1]
 
     # --- what the engine looks for structure in
 

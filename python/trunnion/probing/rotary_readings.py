@@ -274,9 +274,10 @@ class RotaryReadings:
 
         What moves the ball across a bar changes its length in second order: no information.
         """
-        found = in_columns(np.empty((self.measured.size, len(x))))
+        found = in_columns(np.zeros((self.measured.size, len(x))))
         squares = np.zeros(len(x))
-        beside = [(y, self.machine(y)) for d in STEP * np.eye(len(x)) for y in (x + d, x - d)]
+        steps = (STEP * np.isin(np.arange(len(x)), some) for some in self._together)
+        beside = [(y, self.machine(y)) for d in steps for y in (x + d, x - d)]
         for rows, part in self._parts:
             each = slice(*(self.measured.shape[1] * row for row in (rows.start, rows.stop)))
             part.differenced(beside, found[each])
@@ -284,14 +285,25 @@ class RotaryReadings:
         found[:, np.sqrt(squares / len(found)) < RANK_TOLERANCE] = 0.0
         return found
 
-    def differenced(self, beside: Sequence[tuple[Floats, _core.Machine]], out: Floats) -> None:
-        """Put the derivative by central differences into an array, (readings, unknowns).
+    @cached_property
+    def _together(self) -> list[list[int]]:
+        """Unknowns that are moved together: offsets of all balls, of which a reading has one."""
+        first = len(self.chain.location_errors)
+        after = first + 3 * len(self.labels)
+        alone = [[k] for k in (*range(first), *range(after, len(self.names)))]
+        return [*alone, *(list(range(first + k, after, 3)) for k in range(3))]
 
-        beside: Unknowns a step more and a step less of each, with their machines.
+    def differenced(self, beside: Sequence[tuple[Floats, _core.Machine]], out: Floats) -> None:
+        """Put the derivative by central differences into an array of zeros, (readings, unknowns).
+
+        beside: Unknowns a step more and a step less of those of `_together`, with their machines.
         """
         changed = (self.modelled(x, machine).ravel() for x, machine in beside)
-        for k, (more, less) in enumerate(zip(changed, changed, strict=True)):
-            np.divide(more - less, 2 * STEP, out=out[:, k])
+        ball = np.repeat(self.index, len(out) // len(self.data))
+        for some, more, less in zip(self._together, changed, changed, strict=True):
+            change = (more - less) / (2 * STEP)
+            for number, k in enumerate(some):
+                np.copyto(out[:, k], change, where=len(some) == 1 or ball == number)
 
     @cached_property
     def _parts(self) -> list[tuple[slice, RotaryReadings]]:
