@@ -12,13 +12,14 @@ from threadpoolctl import threadpool_limits
 import trunnion as tn
 from power.measured_twin import make_sweep
 from trunnion.base.units import Floats
-from trunnion.diagnosis import candidates, classes, linearised
+from trunnion.diagnosis import candidates, classes, functions, linearised, scan
 from trunnion.diagnosis import columns as kept
 from trunnion.diagnosis.effect import Effect, Parameter, Values, periodic
 from trunnion.diagnosis.fit import fit
 from trunnion.diagnosis.linear_model import LinearModel
 from trunnion.diagnosis.model import Covariate, Nuisance, Readings
-from trunnion.diagnosis.whitening import identity
+from trunnion.diagnosis.scan import Dictionary
+from trunnion.diagnosis.whitening import Scaling, identity
 
 
 def line(n: int, outliers: int = 0) -> LinearModel:
@@ -171,3 +172,28 @@ def test_sums_of_columns_in_single_precision_are_exact() -> None:
     columns /= np.linalg.norm(columns, axis=1, keepdims=True)
     exact = columns.astype(np.float64) @ columns.astype(np.float64).T
     assert kept.inner(columns, columns.T) == pytest.approx(exact, abs=1e-13)
+
+
+@pytest.mark.parametrize("weighted", [False, True])
+def test_jumps_that_are_not_made_are_those_that_are(
+    monkeypatch: pytest.MonkeyPatch, *, weighted: bool
+) -> None:
+    """Of many readings inner products with jumps are sums over the readings behind them."""
+    n, rng = 3000, np.random.default_rng(3)
+    model = line(n)
+    whiten = Scaling(rng.uniform(0.5, 2.0, n)) if weighted else identity
+    rows = np.flatnonzero(rng.random(n) > 0.1)
+    made = Dictionary(model, rows, whiten)
+    monkeypatch.setattr(functions, "MANY_ROWS", 0)
+    monkeypatch.setattr(scan, "AT_ONCE", 100)
+    summed = Dictionary(model, rows, whiten)
+    assert summed.terms == made.terms
+    assert sum(term.kind == "jump" for term in made.terms) > scan.JUMPS // 2
+    basis = np.linalg.qr(rng.standard_normal((len(rows), 3)))[0]
+    values = rng.standard_normal((len(rows), 2))
+    values -= basis @ (basis.T @ values)
+    (gain, rank), (expected, same) = (d.gains(values, basis) for d in (summed, made))
+    assert gain == pytest.approx(expected, rel=1e-9, abs=1e-12)
+    assert np.array_equal(rank, same)
+    for term in range(made.count):
+        assert summed.block(term) == pytest.approx(made.block(term), abs=1e-14)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +16,10 @@ from typer.testing import CliRunner
 import trunnion as tn
 from power.study import ground
 from trunnion.cli import app
-from trunnion.diagnosis import explain, terms
+from trunnion.diagnosis import candidates, explain, terms
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Values
+from trunnion.diagnosis.functions import DEPENDENT
 from trunnion.diagnosis.scan import Dictionary
 from trunnion.diagnosis.selection import Found
 from trunnion.diagnosis.whitening import Scaling
@@ -347,35 +348,42 @@ def test_opposite_causes_are_no_structure_without_a_name(
                 assert abs(cause.parameters[name] - value) < 4 * cause.std_errors[name]
 
 
-def test_causes_of_many_readings_make_terms_as_those_of_few_do(
+def makes(case: Case, term: int, best: Found) -> bool:
+    """Whether causes of a set make all of a term, by least squares of their columns."""
+    columns, basis = case.dictionary.block(term), case.plain.basis
+    u, size, _ = np.linalg.svd(columns - basis @ (basis.T @ columns), full_matrices=False)
+    own = u[:, size**2 > DEPENDENT]
+    blocks = [case.candidates.columns(b).T for b in best.blocks]
+    sizes = np.linalg.lstsq(np.concatenate(blocks, axis=1), own, rcond=case.candidates.dependent)[0]
+    made = np.split(sizes, np.cumsum([b.shape[1] for b in blocks])[:-1])
+    left = own - sum(b @ s for b, s in zip(blocks, made, strict=True))
+    shares = [float((s**2).sum(axis=0).max(initial=0.0)) for s in made]
+    acting = sum(b.shape[1] for b, s in zip(blocks, shares, strict=True) if s > terms.SAME_SHARE)
+    same = (left**2).sum(axis=0).max(initial=0.0) < terms.SAME_SHARE
+    return bool(same and max(shares) < 1 + terms.SAME_SHARE and acting <= own.shape[1] + 1)
+
+
+def test_terms_that_causes_make_are_those_by_least_squares_of_their_columns(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Sizes from inner products of the causes are those of least squares of their columns."""
+    """It is decided on inner products, of many readings with those that the search has."""
     setup = ground("paper")[3]
     causes = {"backlash_x": {"b_um": 6.0}, "backlash_y": {"b_um": -6.0}}
     data = tn.Touches(measured(causes, "paper", 40).columns)
-    asked, sums = list[bool](), terms.is_a_sum
+    asked, sums = list[bool](), terms.sums_of_causes
 
-    def counted(case: Case, term: int, best: Found) -> bool:
-        asked.append(sums(case, term, best))
-        return asked[-1]
+    def checked(case: Case, some: Sequence[int], best: Found) -> set[int]:
+        found = sums(case, some, best)
+        assert found == {term for term in some if makes(case, term, best)}
+        asked.extend(term in found for term in some)
+        return found
 
-    monkeypatch.setattr(explain, "is_a_sum", counted)
+    monkeypatch.setattr(explain, "sums_of_causes", checked)
     few = tn.diagnose(data, setup)
+    assert set(asked) == {False, True}
     of_few = list(asked)
-    assert set(of_few) == {False, True}
-    monkeypatch.setattr(terms, "MANY_ROWS", 0)
     asked.clear()
-    assert tn.diagnose(data, setup) == few
+    monkeypatch.setattr(terms, "MANY_ROWS", 0)
+    monkeypatch.setattr(candidates, "MANY_ROWS", 0)
+    assert tn.diagnose(data, setup).named == few.named
     assert asked == of_few
-
-
-def test_times_that_do_not_rise_are_named() -> None:
-    data, setup = tn.Touches(measured({}).columns), ground("rich")[3]
-    assert data.time_s is not None
-    still = tn.diagnose(data.with_columns(time_s=np.full(len(data), 7.0)), setup)
-    assert still.notes[0] == "time_s is 7 in every row: no change with time can be found."
-    back = tn.diagnose(data.with_columns(time_s=-data.time_s), setup)
-    assert "time_s falls from every row to the next" in back.notes[0]
-    order = np.random.default_rng(1).permutation(len(data))
-    assert tn.diagnose(data[order], setup).notes == tn.diagnose(data, setup).notes

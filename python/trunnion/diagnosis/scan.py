@@ -8,7 +8,7 @@ enter the readings. A term is no cause. It says that something is there, and wha
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,22 +16,15 @@ from scipy import special
 
 from trunnion.base.rotation import cosine_sine
 from trunnion.base.units import Floats, Integers
-from trunnion.diagnosis.columns import (
-    AT_HAND,
-    AT_ONCE,
-    BATCH_NUMBERS,
-    MIN_ROWS,
-    ROUNDING,
-    storage,
-)
+from trunnion.diagnosis.columns import AT_HAND, AT_ONCE, ROUNDING, storage
 from trunnion.diagnosis.fit import Fit
+from trunnion.diagnosis.functions import Jumps, Made, Part, Waiting, eliminated, made_of, part_of
 from trunnion.diagnosis.model import Covariate, Model
 from trunnion.diagnosis.smooth import over_range, polynomials
 from trunnion.diagnosis.whitening import Scaling, Whiten, identity
 
 SCAN_LEVEL = 0.01
 UNNAMED_TERM_PENALTY = 10.0  # a term has to explain exp(5) times better than causes do
-DEPENDENT = 1e-4  # of a squared unit column, what the fit and the term's other columns leave
 MAX_CLASSES = 512
 HARMONICS = 6
 DEGREE = 4
@@ -106,9 +99,9 @@ class Dictionary:
         self._model, self._rows, self._whiten = model, rows, whiten
         self._said: list[tuple[Covariate, str, Sequence[object], Sequence[str]]] = []
         self.count = 0
-        self._parts: list[_Part] = []
+        self._parts: list[Part] = []
         self._covariates = tuple(model.covariates)
-        self._made: list[_Functions] = []  # where the parts keep these very functions
+        self._made: list[Made] = []  # where the parts keep these very functions
         if known is not None and known._serves(model, rows, whiten):
             self._said, self.count = known._said, known.count
             for made in known._made:
@@ -119,7 +112,7 @@ class Dictionary:
         for part in self._parts:
             part.store(storage(self._numbers))
             part.normalise(ROUNDING * longest)
-        shared: dict[bytes, list[_Part]] = {}
+        shared: dict[bytes, list[Part]] = {}
         for part in self._parts:
             shared.setdefault(part.components.tobytes(), []).append(part)
         self._shared = list(shared.values())  # parts with the same components
@@ -140,20 +133,23 @@ class Dictionary:
 
     def _say(self) -> None:
         """Make the functions of all covariates, and keep them."""
-        waiting: dict[tuple[int, bool], _Waiting] = {}
+        waiting: dict[tuple[int, bool], Waiting] = {}
         for v, said, values, distinct, _, enter in _saying(
             self._covariates, self._model.components, self._rows
         ):
             for kind, numbers, f in _functions(v, values, distinct):
                 if not len(f) or (said and kind != "jump"):
                     continue
-                f = f if v.known is None else f * v.known[self._rows]
                 ways = list(enter)[:1] if kind == "class" else list(enter)
                 self._said.append((v, kind, numbers, ways))
                 first = self.count + len(ways) * np.arange(len(f))
                 self.count += len(ways) * len(f)
+                if isinstance(f, Jumps):
+                    self._keep(made_of(first, f, [enter[way] for way in ways]))
+                    continue
+                f = f if v.known is None else f * v.known[self._rows]
                 key = f.shape[1], kind == "class"
-                like = waiting.setdefault(key, _Waiting([enter[way] for way in ways]))
+                like = waiting.setdefault(key, Waiting([enter[way] for way in ways]))
                 if like.add(first, f):
                     self._keep(waiting.pop(key).made())
         for like in waiting.values():
@@ -165,12 +161,12 @@ class Dictionary:
         same = model is self._model and np.array_equal(rows, self._rows)
         return weights and same and len(self._made) == len(self._parts)
 
-    def _keep(self, made: "_Functions") -> None:
+    def _keep(self, made: Made) -> None:
         """Keep functions as a part, whitened, in the precision for so many."""
-        part = _part(made, self._rows, len(self._model.readings), self._whiten)
-        self._numbers += part.functions.size
+        part = part_of(made, self._rows, len(self._model.readings), self._whiten)
+        self._numbers += part.kept
         part.store(storage(self._numbers))
-        self._made = [*self._made, made] if part.functions is made[1] else []
+        self._made = [*self._made, made] if part.serves(made) else []
         self._parts.append(part)
 
     @property
@@ -200,9 +196,9 @@ class Dictionary:
         several = r.reshape(len(r), -1)
         gain = np.zeros((self.count, several.shape[1]))
         rank = np.zeros(self.count, dtype=np.intp)
-        by_width: dict[int, list[_Part]] = {}
+        by_width: dict[int, list[Part]] = {}
         for part in self._parts:
-            by_width.setdefault(part.functions.shape[1], []).append(part)
+            by_width.setdefault(part.width, []).append(part)
         if self._beside is None or self._beside[0] is not basis:
             self._beside = (basis, self._products(basis))
         of_basis, of_several = self._beside[1], self._products(several)
@@ -210,7 +206,7 @@ class Dictionary:
             at = np.concatenate([x.numbers for x in parts])
             t, z = (np.concatenate([x[id(part)] for part in parts]) for x in (of_basis, of_several))
             a = np.concatenate([part.gram for part in parts]) - t @ t.transpose(0, 2, 1)
-            gain[at], rank[at] = _eliminated(a, z)
+            gain[at], rank[at] = eliminated(a, z)
         return gain.reshape((-1, *r.shape[1:])), rank
 
     def _products(self, r: Floats) -> dict[int, Floats]:
@@ -222,15 +218,14 @@ class Dictionary:
         out: dict[int, Floats] = {}
         for parts in self._shared:
             every = parts[0].components
-            flat = [part.functions.reshape(-1, len(r)) for part in parts]
-            sums = [np.zeros((len(f), len(every) * s)) for f in flat]
+            sums = [part.room(len(every) * s) for part in parts]
             for first in range(0, len(r), AT_ONCE):
                 some = slice(first, first + AT_ONCE)
                 weighted = every[:, some].T[:, :, None] * r[some, None]
                 weighted = weighted.reshape(-1, len(every) * s)
-                for f, total in zip(flat, sums, strict=True):
-                    total += f[:, some].astype(np.float64, copy=False) @ weighted
-            out |= {id(x): x.scaled(total) for x, total in zip(parts, sums, strict=True)}
+                for part, total in zip(parts, sums, strict=True):
+                    part.add(weighted, some, total)
+            out |= {id(x): x.products(total) for x, total in zip(parts, sums, strict=True)}
         return out
 
     def block(self, term: int) -> Floats:
@@ -256,142 +251,6 @@ class Dictionary:
             columns = columns * np.asarray(self._model.components[of.component])
         made = [np.asarray(self._whiten(wave.T))[self._rows] for wave in columns]
         return np.stack([w / np.linalg.norm(w, axis=0) for w in made])
-
-
-class _Waiting:
-    """Functions of one width that enter by the same components, until there are many.
-
-    Few functions at a time cost more to call for than to calculate with.
-    """
-
-    def __init__(self, components: Sequence[Floats]) -> None:
-        self._components = components
-        self._first: list[Integers] = []
-        self._functions: list[Floats] = []
-        self._size = 0
-
-    def add(self, first: Integers, functions: Floats) -> bool:
-        """Add functions (m, k, n), their first terms (m,); whether these are enough for a part."""
-        self._first.append(first)
-        self._functions.append(functions)
-        self._size += functions.size
-        return self._size >= BATCH_NUMBERS
-
-    def made(self) -> "_Functions":
-        """Return these functions together."""
-        numbers = np.concatenate(self._first)[:, None] + np.arange(len(self._components))
-        some = self._functions
-        functions = some[0] if len(some) == 1 else np.concatenate(some)
-        return numbers.reshape(-1), functions, np.stack(self._components)
-
-
-_Functions: TypeAlias = tuple[Integers, Floats, Floats]
-"""Numbers of the terms, functions and components of a part."""
-
-
-def _part(made: _Functions, rows: Integers, n: int, whiten: Whiten) -> "_Part":
-    """Return the part of functions, given for some of n readings, whitened."""
-    numbers, functions, components = made
-    if whiten is identity:
-        return _Part(*made)
-    if isinstance(whiten, Scaling):
-        return _Part(numbers, functions, components / whiten.scale[rows])
-    k, each = functions.shape[1], len(components)
-    white = np.empty((len(numbers), k, len(rows)))
-    most = max(1, BATCH_NUMBERS // (each * k * n))
-    for first in range(0, len(functions), most):
-        products = functions[first : first + most, None] * components[None, :, None]
-        columns = products.reshape(-1, len(rows)).T
-        full = np.zeros((n, columns.shape[1]))
-        full[rows] = columns
-        done = np.asarray(whiten(full))[rows].T
-        white[each * first : each * (first + most)] = done.reshape(-1, k, len(rows))
-    return _Part(numbers, white, np.ones((1, len(rows))))
-
-
-class _Part:
-    """Terms of functions of one width: each function times each component.
-
-    The products are never formed: inner products with them are those of the functions with what the
-    components leave of the other side.
-
-    ``functions``: (m, k, n); ``components``: (c, n). ``numbers``: of the terms, by function, then
-    component, (m c,).
-    """
-
-    def __init__(self, numbers: Integers, functions: Floats, components: Floats) -> None:
-        self.numbers, self.functions, self.components = numbers, functions, components
-        self.size = np.sqrt(self._weighted(functions, functions, components**2))  # (m, c, k)
-        self.scale = self.size
-        self.gram: Floats = np.zeros((0, 0, 0, 0))
-
-    def __len__(self) -> int:
-        return len(self.numbers)
-
-    def store(self, kind: type[np.float32 | np.float64]) -> None:
-        """Keep the functions in this precision, once their products with each other are known."""
-        if len(self.gram) == 0:
-            k, squares = self.functions.shape[1], self.components**2
-            self.gram = np.ones((len(self.functions), len(self.components), k, k))
-            for i in range(k):
-                for j in range(i):
-                    g = self._weighted(self.functions[:, i], self.functions[:, j], squares)
-                    self.gram[:, :, i, j] = g
-        self.functions = self.functions.astype(kind, copy=False)
-
-    def normalise(self, least: float) -> None:
-        """Give the columns unit length, and zeros to those that are no longer than ``least``."""
-        k = self.functions.shape[1]
-        self.scale = 1.0 / np.where(self.size > least, self.size, np.inf)
-        for i in range(k):
-            for j in range(i):
-                g = self.gram[:, :, i, j] * self.scale[:, :, i] * self.scale[:, :, j]
-                self.gram[:, :, i, j] = self.gram[:, :, j, i] = g
-        self.gram = self.gram.reshape(-1, k, k)
-
-    @staticmethod
-    def _weighted(x: Floats, y: Floats, weights: Floats) -> Floats:
-        """Sum over readings of x y (m, ..., n both) times each weight (c, n): (m, c, ...)."""
-        n, count = x.shape[-1], x.size // x.shape[-1]
-        out = np.zeros((count, len(weights)))
-        most = max(MIN_ROWS, AT_HAND // count)
-        for first in range(0, n, most):
-            some = slice(first, first + most)
-            product = np.multiply(x[..., some], y[..., some], order="C")  # reshaped without a copy
-            out += product.reshape(count, -1) @ weights[:, some].T
-        return np.asarray(np.moveaxis(out.reshape(*x.shape[:-1], len(weights)), -1, 1))
-
-    def scaled(self, products: Floats) -> Floats:
-        """Inner products of unit columns (m c, k, s), from those of functions (m k, c s)."""
-        m, k, _ = self.functions.shape
-        each = products.reshape(m, k, len(self.components), -1).transpose(0, 2, 1, 3)
-        return np.asarray((each * self.scale[..., None]).reshape(m * each.shape[1], k, -1))
-
-    def block(self, number: int) -> Floats:
-        """Columns of one term, shape (n, k)."""
-        f, c = divmod(number, len(self.components))
-        columns = self.functions[f].astype(np.float64) * self.components[c]
-        return np.asarray((columns * self.scale[f, c][:, None]).T)
-
-
-def _eliminated(a: Floats, z: Floats) -> tuple[Floats, Integers]:
-    """Gain and rank of blocks from what the basis leaves of their Gram matrices and products.
-
-    ``a``: (b, k, k); ``z``: (b, k, s). Pivots that depend on earlier ones are left out.
-    """
-    gain = np.zeros((len(z), z.shape[2]))
-    rank = np.zeros(len(z), dtype=np.intp)
-    for i in range(a.shape[1]):
-        pivot = a[:, i, i]
-        seen = pivot > DEPENDENT
-        inverse = np.where(seen, 1.0 / np.where(seen, pivot, 1.0), 0.0)
-        gain += z[:, i] ** 2 * inverse[:, None]
-        rank += seen
-        if i + 1 < a.shape[1]:
-            factor = a[:, i + 1 :, i] * inverse[:, None]
-            z[:, i + 1 :] -= factor[:, :, None] * z[:, None, i]
-            a[:, i + 1 :, i + 1 :] -= factor[:, :, None] * a[:, None, i, i + 1 :]
-    return gain, rank
 
 
 def smooth_functions(
@@ -450,7 +309,7 @@ def _saying(
 
 def _functions(
     v: Covariate, values: Floats, distinct: Floats
-) -> Iterator[tuple[str, list[object], Floats]]:
+) -> Iterator[tuple[str, list[object], Floats | Jumps]]:
     """Functions of one covariate, by kind and width: numbers (m,) and columns (m, k, n)."""
     if v.classes:
         distinct, index, count = np.unique(values, return_inverse=True, return_counts=True)
@@ -476,7 +335,9 @@ def _functions(
         yield "wave", list((high - low) / waves), _waves(np.pi * waves, x)
     if v.sequence:
         places = distinct[max(1, len(distinct) // JUMPS) :: max(1, len(distinct) // JUMPS)]
-        yield "jump", list(places), (values >= places[:, None]).astype(float)[:, None]
+        many = Jumps.at(values, places) if v.known is None else None
+        made = (values >= places[:, None]).astype(float)[:, None] if many is None else many
+        yield "jump", list(places), made
 
 
 def _straight(v: Covariate, distinct: Floats) -> bool:

@@ -16,9 +16,9 @@ from trunnion.diagnosis.cross_validation import better
 from trunnion.diagnosis.effect import Effect, EffectValues, Values
 from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.formula import FormulaEffect
+from trunnion.diagnosis.functions import DEPENDENT
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.records import parameter_table, value_in_words
-from trunnion.diagnosis.scan import DEPENDENT
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 
