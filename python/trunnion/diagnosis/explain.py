@@ -18,6 +18,7 @@ from trunnion.diagnosis.probability import NEAR_ODDS, Behind, Beside, Only, Prob
 from trunnion.diagnosis.processes import processes
 from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Term
 from trunnion.diagnosis.selection import WITHIN, Found, Search, search
+from trunnion.diagnosis.structure import with_structure
 from trunnion.diagnosis.terms import (
     best_terms,
     has_a_name,
@@ -165,6 +166,9 @@ def _explained(case: Case) -> Explanation:
         smooth = processes(case, best) if weighed else []
         if unexplained or picked or smooth:
             chances, tried, terms, extended = _with_structure(case, picked, chances.search, smooth)
+            if bad := _idle_beside(case, terms, extended):
+                candidates.ban(bad)
+                return _explained(case)
             best, demanded = tried[0], bool(tried[0].members)
             known = {f.members for f in tried}
             named = [best] if terms else [*tried, *(f for f in named if f.members not in known)]
@@ -409,6 +413,21 @@ def _with_structure(
     if _has_structure(c, top) or Alarm.of_terms(case, fitted).p < SCAN_LEVEL:
         terms = best_terms(case, fitted)
     return chances, named, terms, fitted
+
+
+def _idle_beside(case: Case, terms: list[tuple[Term, float]], f: Fit) -> set[int]:
+    """Causes that do nothing once structure is fitted beside them, its period no grid's."""
+    whole, found, source = with_structure(case, terms, f) if f.effects else (case, f, None)
+    if source is None:
+        return set()
+    c, variance = case.candidates, float(case.floor.noise(found.rss, found.dof))
+    return {
+        j
+        for j, effect in enumerate(case.effects)
+        if effect.id in found.effects
+        and not effect.expected
+        and whole.chance(effect, found, variance)[0] * c.multiplicity > UNDETERMINED_P
+    }
 
 
 def _has_structure(c: Candidates, f: Found) -> bool:

@@ -95,7 +95,7 @@ def left_of(case: Case, e: Explanation, dropped: Integers) -> Left:
     kept, model = case.without(dropped), case.model
     unexplained = remaining(kept, e.fit, e.terms) or _unexplained(e)
     named = e.fit if e.sets else kept.plain
-    f = with_structure(kept, e, named)[1]
+    f = with_structure(kept, e.terms, named)[1]
     rows = np.asarray(model.readings.rows)
     return Left(
         (case.given or case.plain).residuals,
@@ -123,7 +123,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     unexplained = remaining(kept, f, e.terms) or _unexplained(e)
     f = f if alternatives else plain
     verdict = _verdict(unexplained, kept, rows, plain, f, len(alternatives), len(dropped))
-    kept, f, source = with_structure(kept, e, f)
+    kept, f, source = with_structure(kept, e.terms, f)
     variance = float(case.floor.noise(f.rss, f.dof))
     f = _with_what_is_stated(kept, f, variance)
     left = f.residuals - kept.shared(f)

@@ -19,6 +19,7 @@ from trunnion.diagnosis.formula import FormulaEffect
 from trunnion.diagnosis.functions import DEPENDENT
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.records import parameter_table, value_in_words
+from trunnion.diagnosis.scan import Term
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 
@@ -148,7 +149,9 @@ def model_with(model: Model, source: FormulaEffect) -> Model:
     return cast("Model", _ModelWith(model, source.bound(model.data, model), source))
 
 
-def with_structure(kept: Case, e: Explanation, f: Fit) -> tuple[Case, Fit, FormulaEffect | None]:
+def with_structure(
+    kept: Case, terms: Sequence[tuple[Term, float]], f: Fit
+) -> tuple[Case, Fit, FormulaEffect | None]:
     """Fit the causes with the structure that is left: the case with it among the effects, the fit.
 
     ``kept``: without the outliers. Beside a model that is not complete structure is stated only,
@@ -156,9 +159,9 @@ def with_structure(kept: Case, e: Explanation, f: Fit) -> tuple[Case, Fit, Formu
     (a drift by order of measurement, a backlash where the direction turns once), and with which
     readings are predicted worse from others.
     """
-    if not e.terms or kept.dependent:
+    if not terms or kept.dependent:
         return kept, f, None
-    source = FormulaEffect.of_term(e.terms[0][0], kept.model)
+    source = FormulaEffect.of_term(terms[0][0], kept.model)
     model = model_with(kept.model, source)
     added = model.effect(source.id)
     start = added.values(0.0 if p.linear else source.number for p in added.parameters)
