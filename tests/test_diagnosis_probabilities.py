@@ -14,6 +14,7 @@ import pytest
 import trunnion as tn
 from positioning_twin import HIDDEN, axis
 from power.probabilities import binned, calibration_error, state
+from power.random_cases import draw
 from power.study import draw_effects, ground
 from promise import kept
 from trunnion.base.units import Floats
@@ -166,3 +167,22 @@ def test_a_cause_that_another_hides_keeps_its_odds() -> None:
         error = np.sqrt(stated[some].mean() / some.sum())
         assert true[some].mean() == pytest.approx(stated[some].mean(), abs=3 * error)
     assert np.sum((stated >= 0.02) & (stated < 0.1)) > 200
+
+
+def test_what_a_fit_leaves_undetermined_is_as_likely_as_before() -> None:
+    """A slow warm-up about a duration of the grid leaves a drift, about its own it leaves none."""
+    for seed in range(8):
+        rng = np.random.default_rng([10, seed])
+        data = axis(rng, targets=15)
+        slow = 25.0 * (1 - np.exp(-np.arange(len(data)) / len(data) / rng.uniform(0.2, 0.4)))
+        d = tn.diagnose(data.with_columns(measured_mm=data.measured + 1e-3 * slow))
+        (first,) = [a for a in d.evidence if a.causes == {"warmup"}]
+        assert first.probability > 0.6
+
+
+def test_causes_that_leave_each_other_undetermined_go_one_at_a_time() -> None:
+    """A resonance at the end of its range stands beside a gain that it makes: the gain stays."""
+    case = draw("axislog", 36, seed=60)
+    assert case.hidden == {"gain_c", "loop_delay_c"}
+    d = tn.diagnose(case.data, case.setup)
+    assert d.evidence[0].causes == case.hidden

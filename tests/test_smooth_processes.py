@@ -94,3 +94,34 @@ def test_a_process_that_is_found_twice_counts_once() -> None:
     assert 0.01 < unnamed[0] < 0.99
     assert unnamed[1] == unnamed[2] == pytest.approx(unnamed[0], rel=1e-12)
     assert unnamed[3] > 1.01 * unnamed[0]
+
+
+def test_a_cause_that_a_process_hides_keeps_its_odds() -> None:
+    """Causes act each with odds of one among all; half of them are as smooth as the process."""
+    cases, count = 300, 8
+    x = np.linspace(-1, 1, N)
+    always = np.linalg.qr(np.stack([np.ones(N), x], axis=1))[0]
+    smooth = np.stack([x**2, x**3, np.sin(2 * x), np.cos(3 * x)], axis=1)
+    rough = np.random.default_rng(33).standard_normal((N, count - 4))
+    columns = np.concatenate([smooth, rough], axis=1)
+    columns -= always @ (always.T @ columns)
+    columns /= np.linalg.norm(columns, axis=0)
+    candidates = Candidates([one[None, :, None] for one in columns.T], always)
+    root = np.linalg.cholesky(np.exp(-0.5 * ((x[:, None] - x) / 0.3) ** 2) + 1e-9 * np.eye(N))
+    stated, true = np.zeros((2, cases, count))
+    for i in range(cases):
+        rng = np.random.default_rng([34, i])
+        acts = rng.random(count) < 1 / (1 + count)
+        size = np.exp(rng.uniform(np.log(4), np.log(40), count)) * rng.choice([-1, 1], count)
+        y = columns @ (acts * size) + 60.0 * root @ rng.standard_normal(N)
+        y = y + rng.standard_normal(N)
+        y = y - always @ (always.T @ y)
+        process = Along(polynomials(x, x), always, y, NO_FLOOR).beside(np.zeros((N, 0)))
+        white = np.asarray(process.whiten(y))
+        beside = [Beside(search(InProcess(candidates, process.whiten), white), process.cost, 0)]
+        found = Probabilities(search(candidates, y), candidates, processes=beside)
+        stated[i], true[i] = [found.of_cause(j) for j in range(count)], acts
+    # Of two values for one set the larger counts: hidden ones may get up to half more.
+    assert 1 / (1 + count) <= stated[:, :4].mean() <= 1.5 / (1 + count)
+    error = np.sqrt(true[:, 4:].mean() / true[:, 4:].size)
+    assert stated[:, 4:].mean() == pytest.approx(true[:, 4:].mean(), abs=3 * error)

@@ -92,6 +92,7 @@ class Candidates:
     penalty: Floats
     chance: Floats
     inflation: Floats
+    kept: Floats | float = 1.0  # of the squared columns of each block, beside a smooth process (b,)
     dependent: float = DEPENDENT
     positive: frozenset[int] = frozenset()  # candidates of one column, nothing if negative
     stated: Mapping[int, float] = MappingProxyType({})  # candidates whose size is known to be small

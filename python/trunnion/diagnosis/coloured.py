@@ -34,12 +34,14 @@ class InProcess(Candidates):
         self._share = one - np.linalg.inv(one + whiten.more)
         self._turns: dict[int, Floats] = {}  # of the blocks of each rank, in order
         left = np.ones(len(self.owner))  # of the length of a column, mean of a block
+        self.kept = np.ones(len(self.owner))
         for k, blocks, at in c.by_rank:
             own = self._shared[at]
             gram = np.eye(k) - own @ self._share @ own.transpose(0, 2, 1)
             # A column keeps its direction: a negative size may say nothing.
             lower = np.linalg.cholesky(gram)
             left[blocks] = np.diagonal(lower, axis1=1, axis2=2).mean(axis=1)
+            self.kept[blocks] = np.diagonal(gram, axis1=1, axis2=2).mean(axis=1)
             self._turns[k] = np.linalg.inv(lower).transpose(0, 2, 1)
         self.stated = {
             j: std * float(left[self.owner == j].mean())

@@ -250,7 +250,8 @@ def _undetermined(case: Case, f: Fit, searched: Search) -> set[int]:
     if not case.dependent:  # errors of rounding make some sizes far less certain
         growth = case.growth(f, variance)
         f = replace(f, covariance=f.covariance * np.outer(growth, growth))
-    out = set()
+    out: set[int] = set()
+    lost: dict[int, float] = {}
     for j, effect in enumerate(case.effects):
         if effect.id in f.effects:
             nonlinear = [not p.linear for p in effect.parameters]
@@ -268,8 +269,12 @@ def _undetermined(case: Case, f: Fit, searched: Search) -> set[int]:
             ):
                 case.minor.add(effect.id)
                 out.add(j)
-            elif chance > EXPECTED_P if effect.expected else chance * count > UNDETERMINED_P:
+            elif effect.expected and chance > EXPECTED_P:
                 out.add(j)
+            elif not effect.expected and chance * count > UNDETERMINED_P:
+                lost[j] = chance
+    if lost:  # beside another one of them a cause may be undetermined that alone is not
+        out.add(max(lost, key=lambda j: lost[j]))
     out = out or part_of_wander(case, f)
     # What is expected to differ gives way last, and first what can take its place.
     return (

@@ -231,28 +231,33 @@ class Probabilities:
 
     def _unseen(self) -> Iterator[tuple[int, float]]:
         """Sets with one or two more causes that they hide, and their weights."""
-        for mask, f in self.search.known.items():
-            weight = self._weights.get(mask, 0.0)
-            if weight > MIN_WEIGHT and f.blocks:
-                odds = self._odds_unseen(f)
-                for j, own in odds.items():
-                    yield mask | 1 << j, weight * own
-                for (i, one), (j, other) in itertools.combinations(odds.items(), 2):
-                    yield mask | 1 << i | 1 << j, weight * one * other
+        beside = ((bit, one.search) for bit, one in self._beside())
+        for bit, searched in ((0, self.search), *beside):
+            for mask, f in searched.known.items():
+                weight = self._weights.get(mask | bit, 0.0)
+                if weight > MIN_WEIGHT and (f.blocks or bit):
+                    odds = self._odds_unseen(searched, f)
+                    for j, own in odds.items():
+                        yield mask | bit | 1 << j, weight * own
+                    for (i, one), (j, other) in itertools.combinations(odds.items(), 2):
+                        yield mask | bit | 1 << i | 1 << j, weight * one * other
 
-    def _odds_unseen(self, f: Found) -> dict[int, float]:
-        """Odds of each cause that a set hides, beside this set."""
-        c = self.search.c
-        left, along = self.search.beside(f.blocks)
+    def _odds_unseen(self, searched: Search, f: Found) -> dict[int, float]:
+        """Odds of each cause that a set of a search hides, beside this set."""
+        c = searched.c
+        left, along = searched.beside(f.blocks)
+        left = left * c.kept
         hidden = (left < HIDDEN) & (c.owner < self.candidates.count)
         hidden &= c.penalty > 0.0
-        noise = float(self.search.score.floor.noise(f.rss, max(c.dof - f.columns, 1)))
+        noise = float(searched.score.floor.noise(f.rss, max(c.dof - f.columns, 1)))
         chance, out = c.chance, {}
         for j in np.unique(c.owner[hidden]).tolist():
             own = c.owner == j
             if j not in f.members:
                 least = chance[own]
-                seen = np.sqrt(np.minimum(along[own] / max(noise, TINY), least))
+                # fitted exactly, nothing is seen of what is not determined
+                fitted = np.where(np.isinf(c.penalty[own]), 0.0, along[own])
+                seen = np.sqrt(np.minimum(fitted / max(noise, TINY), least))
                 likely = _mean_likelihood(seen, np.sqrt(least * left[own]))
                 out[j] = float(np.mean(likely)) * float(c.level[j]) / NAMING_LEVEL
         return out
