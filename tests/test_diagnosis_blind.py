@@ -111,6 +111,13 @@ def test_large_effects_are_no_outliers() -> None:
     assert not any(o.diagnosis.outliers for o in made)
 
 
+def test_a_warm_up_of_a_hundred_times_the_noise_is_no_outliers() -> None:
+    """What is left of it at the nearest time constant of a grid is many times the noise."""
+    plans = ("paper", "rich")
+    made = outcomes([Case("strong", p, size=100.0, only=("warmup_z",)) for p in plans], 0.97, 14)
+    hold([o.among for o in made], 0.97)
+
+
 def test_bias_of_the_location_errors_is_removed() -> None:
     t = run(Case("bias", "rich", size=2.0, only=("drift_z",)), 6, seed=16)
     for o in t.outcomes:

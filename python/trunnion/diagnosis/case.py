@@ -22,14 +22,16 @@ from trunnion.base.resolution import (
 from trunnion.base.rounded import rounds_to_all
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats, Integers
-from trunnion.diagnosis.candidates import DEPENDENT_INCOMPLETE, Candidates
+from trunnion.diagnosis.candidates import Candidates
+from trunnion.diagnosis.candidates_of import candidates_of
 from trunnion.diagnosis.cross_validation import cross_validated
 from trunnion.diagnosis.dependence import growth as growth_by_dependence
 from trunnion.diagnosis.dependence import growth_apart
 from trunnion.diagnosis.effect import Effect, Values
-from trunnion.diagnosis.fit import Fit, Flags, fit, grid_values, variant_columns
+from trunnion.diagnosis.fit import Fit, Flags, fit
 from trunnion.diagnosis.linearised import Linearised
 from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.nearer import nearer
 from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.probability import Weighed
 from trunnion.diagnosis.records import rms
@@ -40,7 +42,6 @@ from trunnion.diagnosis.whitening import Scaling, Whiten, Whiteners, correlated,
 EXACT = 1e-12  # of the largest reading: rounding
 SINGULAR = 1e-8  # of a correlation matrix of estimates
 CERTAIN_P = 1e-9  # below which an effect is there without doubt, however many were tried
-RARE_LEVEL = 1e-12  # at which a rare effect is named
 TINY = 1e-300
 
 Sizes: TypeAlias = Callable[[Floats, Floats, float], Floats]
@@ -106,54 +107,12 @@ class Case:
 
     @cached_property
     def candidates(self) -> Candidates:
-        """The candidates beside the plain fit."""
-        rows = slice(None) if self.complete else self.rows
-        pieces = (
-            (j, x[:, rows] if isinstance(x, np.ndarray) else x.rows(rows))
-            for j, x in self.linearised.pieces()
-        )
-        numbers = self.linearised.width * len(self.rows)
-        own = np.array([float(e.expected) or e.level or RARE_LEVEL * e.rare for e in self.effects])
-        alone = frozenset(j for j, values in enumerate(self.values) if len(values) == 1)
-        found = Candidates.of_pieces(
-            pieces, len(self.effects), numbers, self.plain.basis, own, self._stated(), alone
-        )
-        low = [[p.bounds[0] for p in e.parameters if p.linear] for e in self.effects]
-        found.positive = frozenset(j for j, bounds in enumerate(low) if bounds == [0.0])
-        if self.dependent:
-            found.dependent = DEPENDENT_INCOMPLETE
-        found.inflate(self._inflation(found))
+        """The candidates beside the plain fit, some at further places (:mod:`.nearer`)."""
+        found = candidates_of(self)
+        if further := nearer(self, found):
+            self.linearised = self.linearised.with_places(further)
+            found = candidates_of(self)
         return found
-
-    def _inflation(self, c: Candidates) -> Floats:
-        """How many times more each block of candidates gains by rounding than by noise.
-
-        A cause that was found is judged by the machine without the weakest of those, any other one
-        by the machine with all of them.
-        """
-
-        def on(machine: Fit | None) -> Floats:
-            drawn = self._errors_of_rounding(machine)
-            if drawn is None:
-                return np.ones(len(c.owner))
-            return inflation(c.gains, self._left_of(drawn, self.plain), c.rank, c.chance)
-
-        if self.likely is None or self.found is None or self.likely is self.found:
-            return on(self.likely)
-        known = [j for j, effect in enumerate(self.effects) if effect.id in self.found.effects]
-        return np.where(np.isin(c.owner, known), on(self.likely), on(self.found))
-
-    def _stated(self) -> dict[int, float]:
-        """What is stated of candidates, as the standard deviation along their unit columns."""
-        sizes: dict[int, float] = {}
-        start = self.plain.nuisance
-        for j, effect in enumerate(self.effects):
-            if effect.stated is not None:
-                column = variant_columns(self.model, effect, start, grid_values(effect)[:1])[0]
-                white = self.white(column)
-                free = white - self.plain.basis @ (self.plain.basis.T @ white)
-                sizes[j] = effect.stated.std * float(np.linalg.norm(free))
-        return sizes
 
     def std(self, effect: Effect, f: Fit, variance: float) -> Floats:
         """Standard errors of an effect's parameters; ``variance``: of a whitened reading."""
@@ -222,11 +181,11 @@ class Case:
         smooth curve of few steps rounds to arches whose places hang on that.
         """
         if f not in self._about:
-            drawn = self._errors_of_rounding(f, wide=True)
-            self._about[f] = None if drawn is None else self._left_of(drawn, f)
+            drawn = self.errors_of_rounding(f, wide=True)
+            self._about[f] = None if drawn is None else self.left_of(drawn, f)
         return self._about[f]
 
-    def _left_of(self, drawn: Floats, f: Fit) -> Floats:
+    def left_of(self, drawn: Floats, f: Fit) -> Floats:
         """What a fit leaves of white errors in draws, in units of the noise of each (m, s)."""
         white = drawn - f.basis @ (f.basis.T @ drawn)
         return white / np.sqrt(self.floor.noise(np.einsum("ij,ij->j", white, white), f.dof))
@@ -265,7 +224,7 @@ class Case:
                 self.white(f.jacobian), f.white, f.covariance, variance, self.segments
             )
         apart = self._growth_apart(f, variance)
-        drawn = self._errors_of_rounding(f, spread=ANY_PLACE)
+        drawn = self.errors_of_rounding(f, spread=ANY_PLACE)
         if drawn is None:
             return apart
         off = f.covariance @ (self.white(f.jacobian).T @ drawn)
@@ -292,7 +251,7 @@ class Case:
 
     @cached_property
     def _drawn_anywhere(self) -> Floats | None:
-        return self._errors_of_rounding(spread=ANY_PLACE)
+        return self.errors_of_rounding(spread=ANY_PLACE)
 
     @cached_property
     def _about(self) -> dict[Fit, Floats | None]:
@@ -327,7 +286,7 @@ class Case:
         """Least noise of a whitened reading."""
         return float(np.sqrt(self.floor.variance))
 
-    def _errors_of_rounding(
+    def errors_of_rounding(
         self, of: Fit | None = None, *, spread: float = 0.0, wide: bool = False
     ) -> Floats | None:
         """Errors of rounding and noise of machines like a fit, the likely one, white, shape (m, s).

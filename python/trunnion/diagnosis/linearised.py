@@ -1,7 +1,10 @@
 """Columns of all candidates at one point, made white."""
 
-from collections.abc import Iterable, Iterator
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property, partial
+from types import MappingProxyType
 
 import numpy as np
 
@@ -27,9 +30,19 @@ class Linearised:
         Count of columns that are kept.
     """
 
-    def __init__(self, model: Model, nuisance: Floats, whiten: Whiten) -> None:
-        self.model, self.whiten = model, whiten
+    def __init__(
+        self,
+        model: Model,
+        nuisance: Floats,
+        whiten: Whiten,
+        further: Mapping[int, Values] = MappingProxyType({}),
+    ) -> None:
+        """``further``: of some candidates one place more than those of their grids."""
+        self.model, self.nuisance, self.whiten = model, nuisance, whiten
         self.values = [grid_values(effect) for effect in model.effects]
+        for j, place in further.items():
+            free = [p.name for p in model.effects[j].parameters if not p.linear]
+            self.values[j] = sorted([*self.values[j], place], key=lambda v: [v[p] for p in free])
         self.width = sum(
             (2 if affine(effect) else len(v)) * sum(p.linear for p in effect.parameters)
             for effect, v in zip(model.effects, self.values, strict=True)
@@ -38,6 +51,10 @@ class Linearised:
         n = len(model.readings)
         few = n < MANY_ROWS and self.width * n <= MAX_DOUBLES
         self._kept = list(self._make()) if few else None
+
+    def with_places(self, further: Mapping[int, Values]) -> Linearised:
+        """Return the candidates, some of them at one place more."""
+        return Linearised(self.model, self.nuisance, self.whiten, further)
 
     def pieces(self) -> Iterable[Piece]:
         """Give the number of a candidate and some of its variants (v, n, k), in order."""

@@ -1,0 +1,70 @@
+"""The candidates of a case: their columns, what is stated of them, what they gain by rounding."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from trunnion.base.resolution import inflation
+from trunnion.base.units import Floats
+from trunnion.diagnosis.candidates import DEPENDENT_INCOMPLETE, Candidates
+from trunnion.diagnosis.fit import Fit, grid_values, variant_columns
+
+if TYPE_CHECKING:
+    from trunnion.diagnosis.case import Case
+
+RARE_LEVEL = 1e-12  # at which a rare effect is named
+
+
+def candidates_of(case: Case) -> Candidates:
+    """Return the candidates beside the plain fit of a case, at the places of its columns."""
+    rows = slice(None) if case.complete else case.rows
+    pieces = (
+        (j, x[:, rows] if isinstance(x, np.ndarray) else x.rows(rows))
+        for j, x in case.linearised.pieces()
+    )
+    numbers = case.linearised.width * len(case.rows)
+    own = np.array([float(e.expected) or e.level or RARE_LEVEL * e.rare for e in case.effects])
+    alone = frozenset(j for j, values in enumerate(case.values) if len(values) == 1)
+    found = Candidates.of_pieces(
+        pieces, len(case.effects), numbers, case.plain.basis, own, _stated(case), alone
+    )
+    low = [[p.bounds[0] for p in e.parameters if p.linear] for e in case.effects]
+    found.positive = frozenset(j for j, bounds in enumerate(low) if bounds == [0.0])
+    if case.dependent:
+        found.dependent = DEPENDENT_INCOMPLETE
+    found.inflate(_inflation(case, found))
+    return found
+
+
+def _inflation(case: Case, c: Candidates) -> Floats:
+    """How many times more each block of candidates gains by rounding than by noise.
+
+    A cause that was found is judged by the machine without the weakest of those, any other one by
+    the machine with all of them.
+    """
+
+    def on(machine: Fit | None) -> Floats:
+        drawn = case.errors_of_rounding(machine)
+        if drawn is None:
+            return np.ones(len(c.owner))
+        return inflation(c.gains, case.left_of(drawn, case.plain), c.rank, c.chance)
+
+    if case.likely is None or case.found is None or case.likely is case.found:
+        return on(case.likely)
+    known = [j for j, effect in enumerate(case.effects) if effect.id in case.found.effects]
+    return np.where(np.isin(c.owner, known), on(case.likely), on(case.found))
+
+
+def _stated(case: Case) -> dict[int, float]:
+    """What is stated of candidates, as the standard deviation along their unit columns."""
+    sizes: dict[int, float] = {}
+    start = case.plain.nuisance
+    for j, effect in enumerate(case.effects):
+        if effect.stated is not None:
+            column = variant_columns(case.model, effect, start, grid_values(effect)[:1])[0]
+            white = case.white(column)
+            free = white - case.plain.basis @ (case.plain.basis.T @ white)
+            sizes[j] = effect.stated.std * float(np.linalg.norm(free))
+    return sizes
