@@ -7,8 +7,12 @@ import pytest
 
 import trunnion as tn
 from positioning_twin import axis
+from power.study import ground
+from twin.forward import Truth
+from twin.generator import Unknown, measure, random_errors, random_placement
 
 SOUND = range(24)
+OF_STOPS = {"curve_of_z", "reversal_of_position_of_z", "periodic_of_z", "scale_z", "backlash_z"}
 AT_MOST = 2  # of these with causes at a level of 2 %; 3 or more with a probability of 1 %
 
 
@@ -41,3 +45,28 @@ def test_a_cause_beside_a_hump_of_another_axis_is_as_certain_as_alone(seed: int)
     (own,), (one,) = alone.causes, joint.causes
     assert abs(one.parameters["b_um"]) == pytest.approx(abs(own.parameters["b_um"]), rel=1e-6)
     assert one.std_errors["b_um"] == pytest.approx(own.std_errors["b_um"], rel=0.1)
+
+
+def touches(rng: np.random.Generator) -> tuple[tn.Touches, tn.Setup]:
+    """Touches, 0.3 µm of noise, of a machine that errs by steps along Y as no cause does."""
+    plan, setup, sizing, read = ground("rich")
+    along = plan.start_mm[:, 1] / np.ptp(plan.start_mm[:, 1])
+    width = rng.uniform(0.04, 0.08)
+    shape = sum(rng.normal() * np.tanh((along - rng.uniform(-0.3, 0.3)) / width) for _ in range(3))
+    field = np.zeros((len(plan), 3))
+    field[:, int(rng.integers(2))] = shape
+    field = sizing.scaled_unknown(field, rng.uniform(0.6, 2.4), beyond=sizing.catalogue)
+    truth = Truth(errors=random_errors(rng), placement=random_placement(rng))
+    unknown = Unknown("smooth", "y_mm", "x or y", field)
+    made = measure(plan, setup, truth, noise_um=0.3, unknown=unknown, seed=int(rng.integers(1000)))
+    return tn.Touches(made.columns), read
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_an_error_along_an_axis_is_said_of_it_and_names_no_cause_of_sound_stops(seed: int) -> None:
+    rng = np.random.default_rng([58, seed])
+    touched, setup = touches(rng)
+    d = tn.diagnose([touched, stops(rng, "Z")], setup)
+    assert d.unexplained is not None
+    assert " of touches" in d.unexplained
+    assert not {i for i in d.named if i.startswith("positioning:") or i in OF_STOPS}, d.named

@@ -138,7 +138,8 @@ class FormulaEffect:
         """Return the effect that a term of unexplained structure is in a model's data."""
         v = next(v for v in model.covariates if v.name == term.covariate)
         enters = model.components.get(term.component)
-        acting = slice(None) if enters is None else np.asarray(enters) != 0
+        acting = np.ones(len(v.values), dtype=bool) if enters is None else np.asarray(enters) != 0
+        acting = acting if v.known is None else acting & v.known
         unit = model.readings.unit
         of_reading = unit if isinstance(unit, str) else str(np.asarray(unit)[acting][0])
         scale = not v.classes

@@ -15,7 +15,7 @@ import numpy as np
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.columns import AT_HAND, BATCH_NUMBERS, MIN_ROWS
-from trunnion.diagnosis.whitening import Scaling, Whiten, identity
+from trunnion.diagnosis.whitening import Whiten, identity, sizes_of
 
 DEPENDENT = 1e-4  # of a squared unit column, what the fit and the term's other columns leave
 
@@ -64,8 +64,8 @@ class Waiting:
     Few functions at a time cost more to call for than to calculate with.
     """
 
-    def __init__(self, components: Sequence[Floats]) -> None:
-        self._components = components
+    def __init__(self, components: Sequence[Floats], some: slice) -> None:
+        self._components, self._some = components, some
         self._first: list[Integers] = []
         self._functions: list[Floats] = []
         self._size = 0
@@ -81,27 +81,31 @@ class Waiting:
         """Return these functions together."""
         some = self._functions
         functions = some[0] if len(some) == 1 else np.concatenate(some)
-        return made_of(np.concatenate(self._first), functions, self._components)
+        return made_of(np.concatenate(self._first), functions, self._components, self._some)
 
 
-Made: TypeAlias = tuple[Integers, Floats | Jumps, Floats]
-"""Numbers of the terms, functions and components of a part."""
+Made: TypeAlias = tuple[Integers, Floats | Jumps, Floats, slice]
+"""Numbers of the terms, functions and components of a part, and the readings of all these."""
 
 
-def made_of(first: Integers, functions: Floats | Jumps, components: Sequence[Floats]) -> Made:
+def made_of(
+    first: Integers, functions: Floats | Jumps, components: Sequence[Floats], some: slice
+) -> Made:
     """Return functions that enter by components; ``first``: the first term of each, (m,)."""
     numbers = first[:, None] + np.arange(len(components))
-    return numbers.reshape(-1), functions, np.stack(components)
+    return numbers.reshape(-1), functions, np.stack(components), some
 
 
-def part_of(made: Made, rows: Integers, n: int, whiten: Whiten) -> "Part":
+def part_of(made: Made, every: Integers, n: int, whiten: Whiten) -> "Part":
     """Return the part of functions, given for some of n readings, whitened."""
-    numbers, functions, components = made
-    if whiten is identity or isinstance(whiten, Scaling):
-        own = components / whiten.scale[rows] if isinstance(whiten, Scaling) else components
+    numbers, functions, components, some = made
+    rows = every[some]
+    sizes = sizes_of(whiten, n)
+    if sizes is not None and not np.any(np.isnan(sizes[rows])):
+        own = components if whiten is identity else components / sizes[rows]
         if isinstance(functions, Jumps):
-            return JumpPart(numbers, functions, own)
-        return FunctionPart(numbers, functions, own)
+            return JumpPart(numbers, functions, own, some)
+        return FunctionPart(numbers, functions, own, some)
     f = functions.made() if isinstance(functions, Jumps) else functions
     k, each = f.shape[1], len(components)
     white = np.empty((len(numbers), k, len(rows)))
@@ -113,7 +117,7 @@ def part_of(made: Made, rows: Integers, n: int, whiten: Whiten) -> "Part":
         full[rows] = columns
         done = np.asarray(whiten(full))[rows].T
         white[each * first : each * (first + most)] = done.reshape(-1, k, len(rows))
-    return FunctionPart(numbers, white, np.ones((1, len(rows))))
+    return FunctionPart(numbers, white, np.ones((1, len(rows))), some)
 
 
 class Part(ABC):
@@ -124,14 +128,15 @@ class Part(ABC):
 
     numbers: Of the terms, by function, then component, (m c,).
     components: (c, n).
+    some: The readings that these are of; in others all is 0.
     size, scale: Length of each column, and what makes it 1, (m, c, k).
     gram: Inner products of the columns of a term, (m c, k, k), of unit length in the end.
     """
 
     gram: Floats
 
-    def __init__(self, numbers: Integers, components: Floats, size: Floats) -> None:
-        self.numbers, self.components = numbers, components
+    def __init__(self, numbers: Integers, components: Floats, size: Floats, some: slice) -> None:
+        self.numbers, self.components, self.some = numbers, components, some
         self.size = self.scale = size
 
     def __len__(self) -> int:
@@ -187,10 +192,12 @@ class Part(ABC):
 class FunctionPart(Part):
     """Terms of functions that are kept, (m, k, n)."""
 
-    def __init__(self, numbers: Integers, functions: Floats, components: Floats) -> None:
+    def __init__(
+        self, numbers: Integers, functions: Floats, components: Floats, some: slice
+    ) -> None:
         self.functions = functions
         size = np.sqrt(self._weighted(functions, functions, components**2))
-        super().__init__(numbers, components, size)
+        super().__init__(numbers, components, size, some)
 
     @property
     def kept(self) -> int:
@@ -246,11 +253,11 @@ class JumpPart(Part):
 
     kept = 0
 
-    def __init__(self, numbers: Integers, jumps: Jumps, components: Floats) -> None:
+    def __init__(self, numbers: Integers, jumps: Jumps, components: Floats, some: slice) -> None:
         self.jumps = jumps
         between = np.zeros((len(jumps) + 1, len(components)))
         jumps.add((components**2).T, 0, between)
-        super().__init__(numbers, components, np.sqrt(jumps.behind(between))[:, :, None])
+        super().__init__(numbers, components, np.sqrt(jumps.behind(between))[:, :, None], some)
         self.gram = np.ones((*self.size.shape, 1))
 
     def serves(self, made: Made) -> bool:

@@ -131,6 +131,9 @@ class Covariate:
     comes_back:
         The same places come again and again along it, so that a function of these may be a smooth
         one of it, too: smooth functions of it compete with no cause.
+    readings:
+        First and end of those of the measurement that it is recorded in, of several; None: there
+        is one.
     """
 
     name: str
@@ -142,6 +145,7 @@ class Covariate:
     words: tuple[tuple[float, str], ...] = ()
     known: Flags | None = None
     comes_back: bool = False
+    readings: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True)

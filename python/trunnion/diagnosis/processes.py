@@ -13,7 +13,8 @@ from trunnion.diagnosis.coloured import InProcess
 from trunnion.diagnosis.columns import DEPENDENT
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.probability import Beside
-from trunnion.diagnosis.scan import smooth_functions
+from trunnion.diagnosis.quantities import smooth_functions
+from trunnion.diagnosis.scan import beside_a_term
 from trunnion.diagnosis.selection import REACH, WITHIN, Found, search
 from trunnion.diagnosis.smooth import Along, Sums, mean_deviance
 from trunnion.diagnosis.whitening import Whiten
@@ -50,12 +51,13 @@ def processes(case: Case, best: Found) -> list[Beside]:
 
 
 def share_of_noise(
-    model: Model, left: Floats, jacobian: Floats, whiten: Whiten, floor: Floor
+    model: Model, left: Floats, jacobian: Floats, whiten: Whiten, floor: Floor, *, terms: bool
 ) -> float:
-    """Share of the mean square of residuals (n,) that is noise, and no smooth process.
+    """Share of the mean square of residuals (n,) that is noise, and no structure.
 
-    The likeliest process takes its part where it is likelier than that there is none.
-    ``jacobian``: by what is always fitted, (n, p); ``floor``: of the variance of a white reading.
+    The likeliest process takes its part where it is likelier than that there is none; else, if they
+    show ``terms`` of the dictionary, the likeliest of these. ``jacobian``: by what is always
+    fitted, (n, p); ``floor``: of the variance of a white reading.
     """
     n = len(left)
     every = smooth_functions(model, np.arange(n), MAX_QUANTITIES) if n < MANY_ROWS else []
@@ -64,15 +66,19 @@ def share_of_noise(
     basis = orth(fitted[:, size > 0] / size[size > 0], rcond=DEPENDENT)
     white = white - basis @ (basis.T @ white)
     dof, rss = n - basis.shape[1], float(white @ white)
-    if not every or dof < 1 or rss <= 0.0:
+    if dof < 1 or rss <= 0.0:
         return 1.0
-    none = np.zeros((n, 0))
-    along = (Along(np.asarray(whiten(x)), basis, white, floor).beside(none) for x in every)
-    best = min(along, key=lambda process: process.deviance)
-    if best.deviance + 2.0 * float(np.log(len(every))) >= float(floor.deviance(rss, dof)):
+    noise = floor.noise(rss, dof)
+    if every:
+        none = np.zeros((n, 0))
+        along = (Along(np.asarray(whiten(x)), basis, white, floor).beside(none) for x in every)
+        best = min(along, key=lambda process: process.deviance)
+        if best.deviance + 2.0 * float(np.log(len(every))) < float(floor.deviance(rss, dof)):
+            beside = np.asarray(best.whiten(white))
+            return min(float(floor.noise(float(beside @ beside), dof) / noise), 1.0)
+    if not terms:
         return 1.0
-    noise = np.asarray(best.whiten(white))
-    return min(float(floor.noise(float(noise @ noise), dof) / floor.noise(rss, dof)), 1.0)
+    return min(float(floor.noise(*beside_a_term(model, white, basis, whiten, floor)) / noise), 1.0)
 
 
 def _compared(

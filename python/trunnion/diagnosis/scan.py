@@ -5,21 +5,21 @@ waves of unknown length, a jump, a class of its own) times one component by whic
 enter the readings. A term is no cause. It says that something is there, and what it goes with.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
+from trunnion.base.resolution import Floor
 from trunnion.base.rotation import cosine_sine
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.columns import AT_HAND, AT_ONCE, ROUNDING, storage
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.functions import Jumps, Made, Part, Waiting, eliminated, made_of, part_of
 from trunnion.diagnosis.model import Covariate, Model
+from trunnion.diagnosis.quantities import saying, straight
 from trunnion.diagnosis.smooth import over_range, polynomials
 from trunnion.diagnosis.whitening import Scaling, Whiten, identity
 
@@ -28,8 +28,6 @@ UNNAMED_TERM_PENALTY = 10.0  # a term has to explain exp(5) times better than ca
 MAX_CLASSES = 512
 HARMONICS = 6
 DEGREE = 4
-MAX_ARC = 0.5  # of a turn that has polynomials: in more they jump where the angle begins anew
-MIN_DISTINCT = 5  # values of a quantity, of which a smooth function is more than a polynomial
 WAVES = 10
 WAVES_BETWEEN = np.array(
     [0.0, -0.25, -0.125, 0.125, 0.25]
@@ -112,9 +110,9 @@ class Dictionary:
         for part in self._parts:
             part.store(storage(self._numbers))
             part.normalise(ROUNDING * longest)
-        shared: dict[bytes, list[Part]] = {}
+        shared: dict[tuple[int, bytes], list[Part]] = {}
         for part in self._parts:
-            shared.setdefault(part.components.tobytes(), []).append(part)
+            shared.setdefault((part.some.start, part.components.tobytes()), []).append(part)
         self._shared = list(shared.values())  # parts with the same components
         self._beside: tuple[Floats, dict[int, Floats]] | None = None
         self._known: dict[int, tuple[Fit, Floats, Integers]] = {}
@@ -133,23 +131,22 @@ class Dictionary:
 
     def _say(self) -> None:
         """Make the functions of all covariates, and keep them."""
-        waiting: dict[tuple[int, bool], Waiting] = {}
-        for v, said, values, distinct, _, enter in _saying(
-            self._covariates, self._model.components, self._rows
-        ):
-            for kind, numbers, f in _functions(v, values, distinct):
-                if not len(f) or (said and kind != "jump"):
+        waiting: dict[tuple[int, bool, int], Waiting] = {}
+        for x in saying(self._covariates, self._model.components, self._rows):
+            v, enter = x.covariate, x.enter
+            for kind, numbers, f in _functions(v, x.values, x.distinct):
+                if not len(f) or (x.said and kind != "jump"):
                     continue
                 ways = list(enter)[:1] if kind == "class" else list(enter)
                 self._said.append((v, kind, numbers, ways))
                 first = self.count + len(ways) * np.arange(len(f))
                 self.count += len(ways) * len(f)
                 if isinstance(f, Jumps):
-                    self._keep(made_of(first, f, [enter[way] for way in ways]))
+                    self._keep(made_of(first, f, [enter[way] for way in ways], x.some))
                     continue
-                f = f if v.known is None else f * v.known[self._rows]
-                key = f.shape[1], kind == "class"
-                like = waiting.setdefault(key, Waiting([enter[way] for way in ways]))
+                f = f if v.known is None else f * v.known[self._rows[x.some]]
+                key = f.shape[1], kind == "class", x.some.start
+                like = waiting.setdefault(key, Waiting([enter[way] for way in ways], x.some))
                 if like.add(first, f):
                     self._keep(waiting.pop(key).made())
         for like in waiting.values():
@@ -217,11 +214,11 @@ class Dictionary:
         s = r.shape[1]
         out: dict[int, Floats] = {}
         for parts in self._shared:
-            every = parts[0].components
+            every, own = parts[0].components, r[parts[0].some]
             sums = [part.room(len(every) * s) for part in parts]
-            for first in range(0, len(r), AT_ONCE):
+            for first in range(0, len(own), AT_ONCE):
                 some = slice(first, first + AT_ONCE)
-                weighted = every[:, some].T[:, :, None] * r[some, None]
+                weighted = every[:, some].T[:, :, None] * own[some, None]
                 weighted = weighted.reshape(-1, len(every) * s)
                 for part, total in zip(parts, sums, strict=True):
                     part.add(weighted, some, total)
@@ -231,7 +228,11 @@ class Dictionary:
     def block(self, term: int) -> Floats:
         """Columns of a term, shape (n, k)."""
         found = ((x, np.flatnonzero(x.numbers == term)) for x in self._parts)
-        return next(part.block(int(at[0])) for part, at in found if len(at))
+        part, number = next((part, int(at[0])) for part, at in found if len(at))
+        own = part.block(number)
+        out = np.zeros((len(self._rows), own.shape[1]))
+        out[part.some] = own
+        return out
 
     def variants(self, term: int) -> Floats:
         """Columns of a term, shape (v, n, k); of a wave in time, at lengths around its own, too.
@@ -244,67 +245,38 @@ class Dictionary:
         if of.kind != "wave" or not along.sequence:
             return self.block(term)[None]
         values = np.asarray(along.values, dtype=np.float64)
-        low, high = np.min(values[self._rows]), np.max(values[self._rows])
+        own = self._rows if along.known is None else self._rows[along.known[self._rows]]
+        low, high = np.min(values[own]), np.max(values[own])
         waves = (high - low) / float(str(of.number)) + WAVES_BETWEEN
         columns = _waves(np.pi * waves, over_range(values, low, high))
         if of.component:
             columns = columns * np.asarray(self._model.components[of.component])
+        if along.known is not None:
+            columns = columns * along.known
         made = [np.asarray(self._whiten(wave.T))[self._rows] for wave in columns]
         return np.stack([w / np.linalg.norm(w, axis=0) for w in made])
 
 
-def smooth_functions(
-    model: Model, rows: Integers, most: int, *, competing: bool = False
-) -> list[Floats]:
-    """Polynomials of quantities that an error of some rows may be a smooth function of, (n, m).
+def beside_a_term(
+    model: Model, white: Floats, basis: Floats, whiten: Whiten, floor: Floor
+) -> tuple[float, int]:
+    """Sum of squares that the likeliest term leaves of white residuals, its degrees of freedom.
 
-    0 in other rows. Each times each component; none if more than ``most``. No angle that comes
-    round, nor what goes with one. ``competing``: only those that may compete with causes.
+    Of residuals (n,) that no term explains better than causes and chance do: their own. One term,
+    as a diagnosis states one: further ones would take from the noise what causes are judged by.
+    ``basis``: of what is fitted, orthonormal (n, q).
     """
-    sought = tuple(v for v in model.covariates if not (competing and v.comes_back))
-    said = _saying(sought, model.components, rows)
-    every = [x for x in said if len(x[3]) >= MIN_DISTINCT and not x[1]]
-    turns = [ranks for v, _, _, distinct, ranks, _ in every if not _straight(v, distinct)]
-    found = list[tuple[Floats, Floats]]()
-    for v, _, values, distinct, own, enter in every:
-        turned = any(np.array_equal(t, x) for t in turns for x in (own, own.max() - own))
-        if _straight(v, distinct) and not turned and len(found) <= most:
-            known = 1.0 if v.known is None else v.known[rows]
-            functions = (polynomials(values, distinct).T * known).T
-            found += [(functions, c) for c in enter.values()]
-    made = [np.zeros((len(model.readings), f.shape[1])) for f, _ in found]
-    for full, (functions, c) in zip(made, found, strict=True):
-        full[rows] = functions * c[:, None]
-    return made if len(found) <= most else []
-
-
-def _saying(
-    covariates: Iterable[Covariate], components: Mapping[str, Floats], rows: Integers
-) -> Iterator[tuple[Covariate, bool, NDArray[Any], NDArray[Any], Integers, dict[str, Floats]]]:
-    """Covariates that say something new, whether all but the jumps is said, values, components.
-
-    Beside the values those that are distinct, and the rank of each value among them; of classes,
-    none.
-    """
-    enter = {"": np.ones(len(rows))}
-    for name, c in components.items():
-        c = np.asarray(c, dtype=np.float64)[rows]
-        if not any(np.array_equal(c, d) for d in enter.values()) and np.any(c):
-            enter[name] = c
-    seen: list[tuple[bool, bool, Integers]] = []
-    for v in covariates:
-        values = np.asarray(v.values)[rows]
-        said, distinct, ranks = False, values[:0], np.zeros(0, dtype=np.intp)
-        if not v.classes:
-            values = values.astype(np.float64)
-            distinct, ranks = np.unique(values, return_inverse=True)
-            periodic = v.period is not None
-            same = [q for k, q, s in seen if k == periodic and np.array_equal(ranks, s)]
-            if len(distinct) < 2 or (same and (any(same) or not v.sequence)):
-                continue  # constant, or says what another covariate says
-            said = bool(same)
-            seen.append((periodic, v.sequence, ranks))
-        yield v, said, values, distinct, ranks, enter
+    d = Dictionary(model, np.arange(len(white)), whiten)
+    rss, dof = float(white @ white), len(white) - basis.shape[1]
+    gain, rank = d.gains(white, basis)
+    left = np.maximum(rss - gain, ROUNDING * rss)
+    chance = special.chdtri(np.maximum(rank, 1), d.level) + UNNAMED_TERM_PENALTY
+    worth = floor.deviance(rss, dof) - floor.deviance(left, dof) - chance
+    worth[(rank < 1) | (rank >= dof)] = -np.inf
+    if np.max(worth, initial=-np.inf) <= 0:
+        return rss, dof
+    best = int(np.argmax(worth))
+    return float(left[best]), dof - int(rank[best])
 
 
 def _functions(
@@ -324,7 +296,7 @@ def _functions(
         different = len(np.unique(np.round(np.mod(distinct, v.period), 9)))
         orders = np.arange(1, min(HARMONICS, different - 1) + 1)
         yield "harmonic", list(orders), _waves(orders, turn)
-    if _straight(v, distinct):
+    if straight(v, distinct):
         legendre = polynomials(values, distinct, DEGREE).T
         for k in range(1, len(legendre) + 1):
             yield "polynomial", [k], legendre[None, :k]
@@ -338,11 +310,6 @@ def _functions(
         many = Jumps.at(values, places) if v.known is None else None
         made = (values >= places[:, None]).astype(float)[:, None] if many is None else many
         yield "jump", list(places), made
-
-
-def _straight(v: Covariate, distinct: Floats) -> bool:
-    """Whether a quantity does not come round between its least and its largest value."""
-    return v.period is None or bool(distinct[-1] - distinct[0] < MAX_ARC * v.period)
 
 
 def _waves(rates: Floats | Integers, x: Floats) -> Floats:

@@ -32,6 +32,18 @@ class Scaling:
 
 
 @dataclass(frozen=True, eq=False)
+class Scaled:
+    """A whitener, then readings of size 1: what it leaves, divided by ``size``."""
+
+    whiten: Whiten
+    size: float
+
+    def __call__(self, columns: Floats) -> Floats:
+        """Whiten columns (n, ...)."""
+        return np.asarray(self.whiten(columns)) / self.size
+
+
+@dataclass(frozen=True, eq=False)
 class Whiteners:
     """Whiten the readings of each part by its own.
 
@@ -56,6 +68,28 @@ class Whiteners:
             if columns[at].any():  # what is one measurement's own is zero in all others
                 white[at] = whiten(columns[at])
         return white
+
+
+def sizes_of(whiten: Whiten, n: int) -> Floats | None:
+    """By what a whitener divides each of n readings; None: it does more than that.
+
+    NaN in the parts of several measurements where that is so.
+    """
+    if whiten is identity:
+        return np.ones(n)
+    if isinstance(whiten, Scaling):
+        return whiten.scale
+    if isinstance(whiten, Scaled):
+        own = sizes_of(whiten.whiten, n)
+        return None if own is None else own * whiten.size
+    if not isinstance(whiten, Whiteners):
+        return None
+    sizes = np.full(n, np.nan)
+    for at, part in whiten.parts:
+        own = sizes_of(part, at.stop - at.start)
+        if own is not None:
+            sizes[at] = own
+    return sizes
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,7 +34,13 @@ from trunnion.diagnosis.whitening import Whiten, Whiteners
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.models.agreement import APART, LEVEL, effects_apart, errors_apart
-from trunnion.models.parts import Part, joined_labels, joined_orders, joined_readings
+from trunnion.models.parts import (
+    Part,
+    joined_components,
+    joined_covariates,
+    joined_labels,
+    joined_readings,
+)
 from trunnion.setup.names import shared_label
 
 UNIT_NAMES = {"µm": "um"}  # in names of parameters
@@ -411,8 +417,13 @@ class JointModel(Model):
 
     @cached_property
     def covariates(self) -> tuple[Covariate, ...]:
-        """The order of the rows of each part: what is left of one says nothing of another."""
-        return joined_orders(self.parts)
+        """Those of each part: what is left of one says nothing of another."""
+        return joined_covariates(self.parts)
+
+    @cached_property
+    def components(self) -> Mapping[str, Floats]:
+        """Those of each part."""
+        return joined_components(self.parts)
 
     @property
     def groups(self) -> Integers:

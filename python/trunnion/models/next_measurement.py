@@ -29,12 +29,12 @@ from trunnion.diagnosis.fit import fit
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import Alternative
 from trunnion.diagnosis.result import Diagnosis
-from trunnion.diagnosis.whitening import Scaling, Whiten, identity
+from trunnion.diagnosis.whitening import Scaled, Scaling, Whiten, identity
 from trunnion.models.ballbar.model import BallbarModel
 from trunnion.models.joint import JointModel
 from trunnion.models.kinds import measured_of
 from trunnion.models.next_touches import MAX_SETS, next_touches
-from trunnion.models.parts import Part, Scaled
+from trunnion.models.parts import Part
 from trunnion.models.positioning import PositioningModel
 from trunnion.models.touches import TouchDiagnosisModel
 from trunnion.probing.plan import plan

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,21 +13,9 @@ from trunnion.diagnosis.effect import Effect, EffectValues, Values
 from trunnion.diagnosis.linearised import Linearised
 from trunnion.diagnosis.model import Covariate, Model, Readings
 from trunnion.diagnosis.records import units_of
-from trunnion.diagnosis.whitening import Whiten
+from trunnion.diagnosis.whitening import Scaled
 
 MAX_KEPT = 8  # predictions of a part
-
-
-@dataclass(frozen=True, eq=False)
-class Scaled:
-    """A whitener, then readings of size 1: what it leaves, divided by ``size``."""
-
-    whiten: Whiten
-    size: float
-
-    def __call__(self, columns: Floats) -> Floats:
-        """Whiten columns (n, ...)."""
-        return np.asarray(self.whiten(columns)) / self.size
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +37,7 @@ class Part:
     exact
         Whether its readings have no noise: the size of its white noise is then an assumed one.
     more_than_noise
-        Whether its own diagnosis left a smooth process that no cause makes.
+        Whether its own diagnosis left structure that no cause makes.
     grid
         Steps of its readings, with what is known of their noise; None: they have none.
     linearised
@@ -117,13 +105,32 @@ def joined_labels(parts: Sequence[Integers]) -> Integers:
     return np.concatenate(out).astype(np.intp)
 
 
-def joined_orders(parts: Sequence[Part]) -> tuple[Covariate, ...]:
-    """The order of the rows of each part, of which nothing in the others is a function."""
-    rows = np.concatenate([p.rows for p in parts])
-    number = np.repeat(np.arange(len(parts)), [len(p.rows) for p in parts])
-    made = []
-    for i, part in enumerate(parts):
-        order = np.where(number == i, rows, part.rows[0]).astype(float)
-        name = f"order of measurement of {part.name}"
-        made.append(Covariate(name, order, sequence=True, known=number == i))
+def joined_covariates(parts: Sequence[Part]) -> tuple[Covariate, ...]:
+    """What the readings of each part may depend on: nothing in the others does."""
+    made, first, n = [], 0, sum(len(p.rows) for p in parts)
+    for part in parts:
+        own = slice(first, first + len(part.rows))
+        for v in part.model.covariates:
+            every = np.full(n, v.values[0])
+            every[own] = v.values
+            known = np.zeros(n, dtype=bool)
+            known[own] = True if v.known is None else v.known
+            name = f"{v.name} of {part.name}"
+            readings = own.start, own.stop
+            made.append(replace(v, name=name, values=every, known=known, readings=readings))
+        first = own.stop
     return tuple(made)
+
+
+def joined_components(parts: Sequence[Part]) -> dict[str, Floats]:
+    """How an unknown disturbance enters the readings, by name: not those of parts without it.
+
+    That it enters all readings of a part alike has no name, as everywhere.
+    """
+    own = [p.model.components for p in parts]
+    names = dict.fromkeys(name for components in own for name in components if name)
+    none = [np.zeros(len(p.rows)) for p in parts]
+    return {
+        name: np.concatenate([x.get(name, zero) for x, zero in zip(own, none, strict=True)])
+        for name in names
+    }

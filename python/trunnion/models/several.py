@@ -18,10 +18,10 @@ from trunnion.diagnosis.report import Left
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scatter import Directions
 from trunnion.diagnosis.steps import grid_of, weights_of, white_beside, white_rounding
-from trunnion.diagnosis.whitening import identity
+from trunnion.diagnosis.whitening import Scaled, identity
 from trunnion.files.table import Table
 from trunnion.models.joint import JointModel
-from trunnion.models.parts import Part, Scaled
+from trunnion.models.parts import Part
 
 MIN_NOISE = 1e-9  # of a white reading: exact data
 
@@ -82,8 +82,8 @@ class Measured:
         known = self.alone.linearised
         if known is not None and not (known.model is model and known.whiten is whiten.whiten):
             known = None
-        exact = self.alone.exact
-        return Part(name, self.kind, model, rows + start, whiten, exact, share < 1, grid, known)
+        exact, more = self.alone.exact, share < 1 or self.alone.unexplained is not None
+        return Part(name, self.kind, model, rows + start, whiten, exact, more, grid, known)
 
     def _noise(self, model: Model, assumed: float) -> tuple[Scaled, Grid | None, float]:
         """Return what makes the noise of the used readings white, of size 1, and their steps.
@@ -101,7 +101,10 @@ class Measured:
         jacobian = model.jacobian(model.start, {})
         grid = grid_of(model, before, n - len(model.nuisance), jacobian)
         floor = Floor(0.0 if grid is None else white_rounding(grid, whiten))
-        share = 1.0 if found.exact else share_of_noise(model, after, jacobian, whiten, floor)
+        share = 1.0
+        if not found.exact:
+            terms = found.unexplained is not None
+            share = share_of_noise(model, after, jacobian, whiten, floor, terms=terms)
         after = after * np.sqrt(share)
         quiet = 0.0 if grid is None else grid.noise(after, dof, jacobian)
         if grid is not None:  # what the fit had for its weights

@@ -1,0 +1,117 @@
+"""Recorded quantities that an error may depend on, and smooth functions of them.
+
+Of several measurements each has quantities of its own, and ways of its own by which a disturbance
+enters its readings: what is left of one is a function of nothing in another.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trunnion.base.units import Floats, Integers
+from trunnion.diagnosis.model import Covariate, Model
+from trunnion.diagnosis.smooth import polynomials
+
+MAX_ARC = 0.5  # of a turn that has polynomials: in more they jump where the angle begins anew
+MIN_DISTINCT = 5  # values of a quantity, of which a smooth function is more than a polynomial
+
+
+def smooth_functions(
+    model: Model, rows: Integers, most: int, *, competing: bool = False
+) -> list[Floats]:
+    """Polynomials of quantities that an error of some rows may be a smooth function of, (n, m).
+
+    0 in other rows. Each times each component; of a measurement none if more than ``most``. No
+    angle that comes round, nor what goes with one. ``competing``: only those that may compete with
+    causes.
+    """
+    sought = tuple(v for v in model.covariates if not (competing and v.comes_back))
+    said = saying(sought, model.components, rows)
+    every = [x for x in said if len(x.distinct) >= MIN_DISTINCT and not x.said]
+    turns = [x for x in every if not straight(x.covariate, x.distinct)]
+    made: dict[int, list[Floats]] = {}  # by the first reading of a measurement
+    for x in every:
+        turned = any(t.goes_with(x) for t in turns)
+        found = made.setdefault(x.some.start, [])
+        if straight(x.covariate, x.distinct) and not turned and len(found) <= most:
+            functions = polynomials(x.values, x.distinct)
+            if x.covariate.known is not None:
+                functions = (functions.T * x.covariate.known[rows[x.some]]).T
+            for c in x.enter.values():
+                full = np.zeros((len(model.readings), functions.shape[1]))
+                full[rows[x.some]] = functions * c[:, None]
+                found.append(full)
+    return [f for found in made.values() if len(found) <= most for f in found]
+
+
+class Said(NamedTuple):
+    """A covariate that says something new.
+
+    ``said``: whether all but the jumps is said. ``some``: the readings of its measurement; of these
+    the values, those that are distinct, the rank of each among them (of classes none), and how a
+    disturbance enters.
+    """
+
+    covariate: Covariate
+    said: bool
+    some: slice
+    values: NDArray[Any]
+    distinct: NDArray[Any]
+    ranks: Integers
+    enter: dict[str, Floats]
+
+    def goes_with(self, other: "Said") -> bool:
+        """Whether another one is a monotonic function of it."""
+        backward = other.ranks.max() - other.ranks
+        same = self.some == other.some
+        return same and any(np.array_equal(self.ranks, x) for x in (other.ranks, backward))
+
+
+def saying(
+    covariates: Iterable[Covariate], components: Mapping[str, Floats], rows: Integers
+) -> Iterator[Said]:
+    """Covariates that say something new of the readings that have them."""
+    entering: dict[int, dict[str, Floats]] = {}
+    seen: list[tuple[int, bool, bool, Integers]] = []
+    for v in covariates:
+        some = _in_measurement(v, rows)
+        at = some.start
+        if at not in entering:
+            entering[at] = _entering(components, rows[some])
+        values = np.asarray(v.values)[rows[some]]
+        said, distinct, ranks = False, values[:0], np.zeros(0, dtype=np.intp)
+        if not v.classes:
+            values = values.astype(np.float64)
+            distinct, ranks = np.unique(values, return_inverse=True)
+            kind = at, v.period is not None
+            same = [q for *k, q, s in seen if (*k,) == kind and np.array_equal(ranks, s)]
+            if len(distinct) < 2 or (same and (any(same) or not v.sequence)):
+                continue  # constant, or says what another covariate says
+            said = bool(same)
+            seen.append((*kind, v.sequence, ranks))
+        yield Said(v, said, some, values, distinct, ranks, entering[at])
+
+
+def _in_measurement(v: Covariate, rows: Integers) -> slice:
+    """Which of some rows, in order, are of the measurement that a quantity is recorded in."""
+    if v.readings is None:
+        return slice(0, len(rows))
+    first, end = np.searchsorted(rows, v.readings).tolist()
+    return slice(first, end)
+
+
+def _entering(components: Mapping[str, Floats], rows: Integers) -> dict[str, Floats]:
+    """How a disturbance may enter some readings, each way once."""
+    enter = {"": np.ones(len(rows))}
+    for name, c in components.items():
+        c = np.asarray(c, dtype=np.float64)[rows]
+        if not any(np.array_equal(c, d) for d in enter.values()) and np.any(c):
+            enter[name] = c
+    return enter
+
+
+def straight(v: Covariate, distinct: Floats) -> bool:
+    """Whether a quantity does not come round between its least and its largest value."""
+    return v.period is None or bool(distinct[-1] - distinct[0] < MAX_ARC * v.period)
