@@ -18,9 +18,10 @@ import servo_rig_twin as rig
 import trunnion as tn
 from promise import kept, needed_runs
 from trunnion.base.errors import DataError
-from trunnion.diagnosis.case import Case, Explanation
+from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.dependence import growth
 from trunnion.diagnosis.explain import explain
+from trunnion.diagnosis.explanation import Explanation
 from trunnion.diagnosis.records import rms
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.models.kinds import model_of

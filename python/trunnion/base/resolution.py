@@ -234,6 +234,11 @@ class Grid:
         return cls(np.zeros(count), np.full(count, -1))
 
     @property
+    def by_reading(self) -> bool:
+        """Whether each reading of one measurement is recorded in a step."""
+        return self.known is None and self.parts is None and bool(np.all(self.step > 0))
+
+    @property
     def rounding(self) -> float:
         """Mean variance of the errors of rounding."""
         if self.known is not None:
@@ -350,7 +355,7 @@ class Grid:
         count = int(np.clip(MAX_DRAWN // len(values), MIN_DRAWS, MAX_DRAWS))
         rng = np.random.default_rng(SEED)
         each = np.maximum(each, MIN_NOISE_STEPS * scale)
-        if used is None or known is not None or self.parts is not None or not np.all(self.step > 0):
+        if used is None or not self.by_reading:
             off = machines(jacobian, covariance, scale, spread, count, rng)
         else:
             known_noise = float(each[0]) if self._freedom_of_repeats >= MIN_REPEATS else None

@@ -31,6 +31,8 @@ NEXT_STEP = 1.2
 OFTEN = 0.5
 """Share of agreeing repeats times that rms: 0.4 of normal noise of some steps."""
 
+SAME = 1e-12
+"""Of the largest reading: rounding of numbers."""
 
 WHOLE = 1e-5
 MAX_DIGITS = 9
@@ -313,15 +315,25 @@ def _without_copies(data: Table) -> Integers:
 def _first_alike(blocks: Sequence[NDArray[Any]]) -> list[int]:
     """Of each of some blocks (r, n) of the same commands the first that it is a copy of, or itself.
 
-    Those that are not alike show how often rows of honest repeats agree.
+    Those that are not alike show how often rows of honest repeats agree: a machine that changes
+    moves them all one way, noise moves as many up as down.
     """
     known: dict[bytes, int] = {}
     first = [known.setdefault(b.tobytes(), i) for i, b in enumerate(blocks)]
     apart = [blocks[i] for i in known.values()]
-    agree = [np.all(a == b, axis=0) for a, b in pairwise(apart)]
+    agree = [_beside_a_change(a, b) for a, b in pairwise(apart)]
     count = len(blocks)
     honest = float(np.mean(agree)) ** blocks[0].shape[1] * count * count / 2 if agree else 0.0
     return list(range(count)) if honest > MAX_CHANCE else first
+
+
+def _beside_a_change(one: Floats, other: Floats) -> float:
+    """Share of readings (r, n) that agree, but for a change that moves them all one way."""
+    off = other - one
+    beside = off - np.median(off, axis=1, keepdims=True)
+    least = SAME * np.max(np.abs(one), axis=1, keepdims=True)
+    both = np.minimum(np.sum(beside > least, axis=1), np.sum(beside < -least, axis=1))
+    return float(np.prod(1.0 - 2.0 * both / off.shape[1]))
 
 
 def _bytes(values: NDArray[Any]) -> bytes:

@@ -1,4 +1,4 @@
-"""A model with the readings of it that are used, and what they were explained by."""
+"""A model with the readings of it that are used."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
@@ -33,9 +33,8 @@ from trunnion.diagnosis.linearised import Linearised
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.nearer import nearer
 from trunnion.diagnosis.noise import Whitener
-from trunnion.diagnosis.probability import Weighed
 from trunnion.diagnosis.records import rms
-from trunnion.diagnosis.scan import Dictionary, Term
+from trunnion.diagnosis.scan import Dictionary
 from trunnion.diagnosis.steps import weights_of
 from trunnion.diagnosis.whitening import Scaling, Whiten, Whiteners, correlated, identity
 
@@ -45,8 +44,6 @@ CERTAIN_P = 1e-9  # below which an effect is there without doubt, however many w
 TINY = 1e-300
 
 Sizes: TypeAlias = Callable[[Floats, Floats, float], Floats]
-Sets: TypeAlias = list[tuple[dict[int, int], float, float]]
-"""Candidate: variant; distance to the best set; RSS."""
 
 
 @dataclass
@@ -180,9 +177,13 @@ class Case:
         no steps to speak of. The machines are as uncertain in place as rounding makes them: a
         smooth curve of few steps rounds to arches whose places hang on that.
         """
+        drawn = self._errors_about(f)
+        return None if drawn is None else self.left_of(drawn, f)
+
+    def _errors_about(self, f: Fit) -> Floats | None:
+        """White errors of rounding of machines that rounding lets be like a fit (m, s) (kept)."""
         if f not in self._about:
-            drawn = self.errors_of_rounding(f, wide=True)
-            self._about[f] = None if drawn is None else self.left_of(drawn, f)
+            self._about[f] = self.errors_of_rounding(f, wide=True)
         return self._about[f]
 
     def left_of(self, drawn: Floats, f: Fit) -> Floats:
@@ -212,23 +213,26 @@ class Case:
         every = self.segments
         return [every[i] for i in filters]
 
-    def growth(self, f: Fit, variance: float) -> Floats:
+    def growth(self, f: Fit, variance: float, *, as_read: bool = False) -> Floats:
         """How many times their standard errors errors are.
 
         By rounding (:func:`.resolution.growth`); by dependence of the residuals
         (:mod:`.dependence`); where more than noise is left of one of several measurements.
-        ``variance``: of a white reading. Of the parameters of a fit, shape (p + k,).
+        ``variance``: of a white reading. Of the parameters of a fit, shape (p + k,). ``as_read``:
+        of machines that round to what was read, too: the size of a cause of less than a step hangs
+        on where readings change.
         """
         if self.dependent:
             return growth_by_dependence(
                 self.white(f.jacobian), f.white, f.covariance, variance, self.segments
             )
         apart = self._growth_apart(f, variance)
-        drawn = self.errors_of_rounding(f, spread=ANY_PLACE)
-        if drawn is None:
-            return apart
-        off = f.covariance @ (self.white(f.jacobian).T @ drawn)
-        return growth(off, np.diag(f.covariance) * variance * apart**2) * apart
+        variances = np.diag(f.covariance) * variance * apart**2
+        drawn = [self.errors_of_rounding(f, spread=ANY_PLACE)]
+        if as_read and self.by_reading:
+            drawn.append(self._errors_about(f))
+        off = [f.covariance @ (self.white(f.jacobian).T @ e) for e in drawn if e is not None]
+        return apart * np.max([growth(e, variances) for e in off], axis=0) if off else apart
 
     def _growth_apart(self, f: Fit, variance: float) -> Floats:
         """The same, of measurements of which one has structure without a name (p + k,)."""
@@ -332,6 +336,12 @@ class Case:
         return self._rounds[f]
 
     @property
+    def by_reading(self) -> bool:
+        """Whether each of few readings by itself is recorded in a step."""
+        few = len(self.rows) < MANY_ROWS
+        return few and self.grid is not None and self.grid.by_reading and self.as_read is not None
+
+    @property
     def as_read(self) -> Floats | None:
         """1 for readings that are used, 0 for others, (n,); None: their errors have a memory."""
         if not (self.whiten is identity or isinstance(self.whiten, Repeats | Scaling)):
@@ -407,48 +417,6 @@ class Case:
     def least_rss(self) -> float:
         """Sum of squares of readings that a set of causes fits exactly."""
         return self.plain.dof * self.least_rms**2
-
-
-@dataclass
-class Explanation:
-    """What one choice of readings leads to.
-
-    Attributes
-    ----------
-    fit, rss:
-        The model with the named causes, and what they leave.
-    penalty:
-        Of causes and terms.
-    sets:
-        Candidate → variant, distance to the best set, RSS.
-    terms:
-        Unexplained structure, and the share of the variance; terms that say it about as well.
-    alarm:
-        p-value over all tests.
-    probabilities:
-        Of all sets that the search looked at.
-    note:
-        What repeats or the stated noise say against the model.
-    least:
-        Sum of squares that the best set of causes leaves, as linearised.
-    behind:
-        Finds sets with an effect behind those of others, which only a report asks for.
-    assumed:
-        Variance of a white reading that sets were searched with; 0: what they leave.
-    """
-
-    fit: Fit
-    rss: float
-    penalty: float
-    sets: Sets
-    terms: list[tuple[Term, float]]
-    alarm: float
-    candidates: Candidates
-    probabilities: Weighed
-    note: str | None = None
-    least: float = np.inf
-    behind: Callable[[], Sets] | None = None
-    assumed: float = 0.0
 
 
 def kept_rows(n: int, bad: Integers) -> Flags:

@@ -36,9 +36,10 @@ import numpy as np
 from trunnion.base.threads import one_blas_thread
 from trunnion.base.units import Integers
 from trunnion.diagnosis import outliers as out
-from trunnion.diagnosis.case import Case, Explanation, kept_rows
+from trunnion.diagnosis.case import Case, kept_rows
 from trunnion.diagnosis.cross_validation import better
 from trunnion.diagnosis.explain import LINEAR_ERROR, best_score, exactly, explain
+from trunnion.diagnosis.explanation import Explanation
 from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.plain import case_of, plain_fit, whitened

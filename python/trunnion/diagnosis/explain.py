@@ -9,8 +9,9 @@ import numpy as np
 from trunnion.base.resolution import Floor
 from trunnion.diagnosis.alarms import CAUSE_LEVEL, Alarm, scatter
 from trunnion.diagnosis.candidates import Candidates
-from trunnion.diagnosis.case import Case, Explanation, Sets
+from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Effect
+from trunnion.diagnosis.explanation import Explanation, Sets
 from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.in_steps import by_probability
 from trunnion.diagnosis.part_of_wander import part_of_wander

@@ -16,9 +16,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from trunnion.base.resolution import Grid
 from trunnion.base.rounded import log_probability
-from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.fit import variant_columns
@@ -63,19 +61,13 @@ def by_probability(case: Case, searched: Search, picked: tuple[int, ...] = ()) -
 def _says_more(case: Case, searched: Search) -> bool:
     """Whether readings are in steps, and what the best set leaves is little beside them."""
     grid = case.grid
-    if grid is None or not _by_reading(case, grid):
+    if grid is None or not case.by_reading:
         return False
     c, every = searched.c, searched.nothing.rss
     left = [(f.rss, f.columns) for f in searched.known.values()]
     left += [(every - gain, int(k)) for gain, k in zip(_gains(searched), c.rank, strict=True)]
     least = min(rss / max(c.dof - k, 1) for rss, k in left)
     return bool(least - grid.rounding < MAX_NOISE**2 * grid.rounding * 12)
-
-
-def _by_reading(case: Case, grid: Grid) -> bool:
-    """Whether each reading by itself is recorded in a step."""
-    few = len(case.rows) < MANY_ROWS and grid.known is None and grid.parts is None
-    return few and case.as_read is not None and bool(np.all(grid.step[case.rows] > 0))
 
 
 def _priced(s: Search) -> list[tuple[float, Blocks]]:

@@ -10,11 +10,12 @@ import numpy as np
 from trunnion.base.report import uncertainty
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import Candidates
-from trunnion.diagnosis.case import Case, Explanation, kept_rows
+from trunnion.diagnosis.case import Case, kept_rows
 from trunnion.diagnosis.contributions import contributions_of
 from trunnion.diagnosis.doubt import Doubt
 from trunnion.diagnosis.effect import Values
 from trunnion.diagnosis.explain import MIN_EXPLAINED, with_behind
+from trunnion.diagnosis.explanation import Explanation
 from trunnion.diagnosis.fit import Fit, confounded, grid_values, variant_columns
 from trunnion.diagnosis.linearised import Linearised
 from trunnion.diagnosis.model import Model, Uncertainty
@@ -128,7 +129,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     f = _with_what_is_stated(kept, f, variance)
     left = f.residuals - kept.shared(f)
     gain = _gain(kept, rows, plain, f, left)
-    growth = kept.growth(f, variance)
+    growth = kept.growth(f, variance, as_read=True)
     of_sets = Doubt.of(kept, f, alternatives, variance, growth)
     open_ = left_open(kept, e, f, source, variance)
     doubt = of_sets.beside(open_)

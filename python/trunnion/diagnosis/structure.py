@@ -11,9 +11,10 @@ import numpy as np
 from trunnion.base.errors import DataError
 from trunnion.base.report import Result, Table
 from trunnion.base.units import Floats, unit_of
-from trunnion.diagnosis.case import Case, Explanation
+from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.cross_validation import better
 from trunnion.diagnosis.effect import Effect, EffectValues, Values
+from trunnion.diagnosis.explanation import Explanation
 from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.formula import FormulaEffect
 from trunnion.diagnosis.functions import DEPENDENT
