@@ -13,7 +13,7 @@ from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.explanation import Explanation, Sets
 from trunnion.diagnosis.fit import Fit, fit
-from trunnion.diagnosis.in_steps import by_probability
+from trunnion.diagnosis.in_steps import by_probability, chance_as_read
 from trunnion.diagnosis.part_of_wander import part_of_wander
 from trunnion.diagnosis.probability import NEAR_ODDS, Behind, Beside, Only, Probabilities
 from trunnion.diagnosis.processes import processes
@@ -228,14 +228,14 @@ def _demanded(case: Case) -> tuple[Probabilities, Fit, Alarm]:
         alarm = Alarm.of_causes(case)
         searched = by_probability(case, search(candidates, plain.white, floor=case.floor))
         chances = Probabilities(searched, candidates)
-        if (
-            not searched.top.members
-            or case.exact(plain)
-            or not (
-                searched.top.score < searched.nothing.score - WITHIN
-                or (alarm.p < level and alarm.holds(level))
-            )
-        ):
+        as_read = chance_as_read(searched)
+        demanded = (
+            searched.top.score < searched.nothing.score - WITHIN
+            or as_read < level
+            or (alarm.p < level and alarm.holds(level))
+        )
+        alarm.p = min(alarm.p, as_read)
+        if not searched.top.members or case.exact(plain) or not demanded:
             return chances, plain, alarm
         extended = _fit_set(case, candidates, chances.likeliest[0])
         # The probability of readings in steps says by itself whether a cause is there.

@@ -18,6 +18,7 @@ import numpy as np
 
 from trunnion.base.rounded import log_probability
 from trunnion.base.units import Floats
+from trunnion.diagnosis.candidates import NAMING_LEVEL
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.fit import variant_columns
 from trunnion.diagnosis.selection import Search, cost
@@ -56,6 +57,16 @@ def by_probability(case: Case, searched: Search, picked: tuple[int, ...] = ()) -
         if named and logs[blocks] > logs[best] - SAME:
             scores[blocks] = min(score, scores[best] + searched.within)
     return searched.scored(scores)
+
+
+def chance_as_read(searched: Search) -> float:
+    """Probability that sound readings gain as much by some cause; 1: sums of squares say it.
+
+    What a cause costs is gained by chance at the level at which it is named, and twice ln P beyond
+    it with the tail of chi². Squares see no gain by where readings change from step to step.
+    """
+    gain = searched.nothing.score - searched.top.score
+    return min(NAMING_LEVEL * float(np.exp(-gain / 2)), 1.0) if searched.more else 1.0
 
 
 def _says_more(case: Case, searched: Search) -> bool:
