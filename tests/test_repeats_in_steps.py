@@ -96,9 +96,10 @@ def test_a_cycle_that_is_another_is_a_copy_where_the_others_differ(
 def test_cycles_alike_before_and_after_a_change_are_no_copies() -> None:
     """Noise moves as many readings up as down, a machine that drifts moves all one way."""
     made = stops(Read(np.random.default_rng(0), 0.0, 1.0), off_grid=False)
-    drifted = made.measured_mm - 1e-3 * (np.arange(110) > 50)  # in the third of five cycles
+    measured = np.array(made.measured_mm)
+    drifted = measured - 1e-3 * (np.arange(110) > 50)  # in the third of five cycles
     assert len(distinct_rows(made.with_columns(measured_mm=drifted)).data) == 110
-    noisy = made.measured_mm + 1e-3 * np.random.default_rng(1).standard_normal(110)
+    noisy = measured + 1e-3 * np.random.default_rng(1).standard_normal(110)
     noisy[44:66] = noisy[22:44]
     found = distinct_rows(made.with_columns(measured_mm=noisy))
     assert len(found.data) == 88
