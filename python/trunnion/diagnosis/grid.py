@@ -20,7 +20,7 @@ def best_place(gains: Callable[[Floats], Floats], grid: Sequence[float]) -> floa
     best of these.
 
     gains: What a fit at each of several values explains.
-    grid: Values in ascending order, all above zero, two at least.
+    grid: Values in ascending order, all above zero.
     """
     points = np.asarray(grid, dtype=np.float64)
     at_points = gains(points)
@@ -34,8 +34,9 @@ def best_place(gains: Callable[[Floats], Floats], grid: Sequence[float]) -> floa
             if c != d
         ]
     )
-    every = np.concatenate([points, between])
-    best = every[int(np.argmax(np.concatenate([at_points, gains(between)])))]
+    best = points[cells[0]]
+    if len(between) and (further := gains(between)).max() > at_points.max():
+        best = between[int(np.argmax(further))]
     cell = int(np.clip(np.searchsorted(points, best), 1, len(points) - 1))
     width = 0.3 * float(np.log(points[cell] / points[cell - 1]))
     low, high = best * np.exp(-width), best * np.exp(width)

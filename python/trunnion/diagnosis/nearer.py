@@ -11,11 +11,11 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import optimize
 
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats
 from trunnion.diagnosis.effect import Effect, Parameter, Values
+from trunnion.diagnosis.grid import best_place
 from trunnion.diagnosis.linearised import affine
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from trunnion.diagnosis.case import Case
 
 LOST = 0.5  # of -2 ln L, that a grid may lose of what a candidate explains by itself
-CLOSE = 1e-3  # of a place, or of its logarithm
 TINY = 1e-300
 
 
@@ -48,6 +47,8 @@ def nearer(case: Case, c: Candidates) -> dict[int, Values]:
         own = gains[blocks]
         best = int(np.argmax(own))
         around = (values[max(best - 1, 0)], values[best], values[min(best + 1, len(own) - 1)])
+        if min(v[free[0].name] for v in around) <= 0.0:  # no time, no length
+            continue
         if _lost(case, own[best], _peak(own, best)) > LOST:
             gain, there = _best(_gain(case, effect), free[0], around)
             if _lost(case, own[best], gain) > LOST:
@@ -89,21 +90,14 @@ def _best(
     gain: Callable[[Values], float], free: Parameter, around: tuple[Values, Values, Values]
 ) -> tuple[float, Values]:
     """Most gain between the neighbours of a place, or a step beyond the last; and where."""
-    before, at, after = (v[free.name] for v in around)
-    logarithmic = min(before, at, after) > 0
-    to, back = (np.log, np.exp) if logarithmic else (float, float)
-    low, middle, high = sorted((to(before), to(at), to(after)))
-    low, high = (2 * middle - high if low == middle else low), high
-    high = 2 * middle - low if high == middle else high
-    ends = free.bounds
+    low, at, high = sorted(v[free.name] for v in around)
+    low, high = (at**2 / high if low == at else low), (at**2 / low if high == at else high)
 
     def values(place: float) -> Values:
-        return Values({**around[1], free.name: float(np.clip(back(place), *ends))})
+        return Values({**around[1], free.name: float(np.clip(place, *free.bounds))})
 
-    done = optimize.minimize_scalar(
-        lambda place: -gain(values(place)),
-        bounds=(low, high),
-        method="bounded",
-        options={"xatol": CLOSE * (1.0 if logarithmic else max(high - low, TINY))},
-    )
-    return -float(done.fun), values(float(done.x))
+    def gains(places: Floats) -> Floats:
+        return np.array([gain(values(place)) for place in places.tolist()])
+
+    there = values(best_place(gains, (low, at, high)))
+    return gain(there), there

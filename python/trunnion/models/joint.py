@@ -32,9 +32,9 @@ from trunnion.diagnosis.model import Covariate, Model, Nuisance, Uncertainty
 from trunnion.diagnosis.one_effect import OneEffect
 from trunnion.diagnosis.whitening import Whiten, Whiteners
 from trunnion.machine.effects import Owner
-from trunnion.machine.estimate import Estimate
 from trunnion.models.agreement import APART, LEVEL, effects_apart, errors_apart
 from trunnion.models.parts import (
+    ExtendedJoint,
     Part,
     joined_components,
     joined_covariates,
@@ -487,19 +487,6 @@ class JointModel(Model):
         if id_ == self.alike:
             return STANDARD
         return APART if any(self.apart.get(i, ("", ""))[1] == id_ for i in effects) else ""
-
-
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class ExtendedJoint(Estimate):
-    """What several measurements say of one machine.
-
-    Attributes
-    ----------
-    measurements
-        Their names, which stand in front of what is one measurement's own.
-    """
-
-    measurements: tuple[str, ...]
 
 
 def _alike(first: Effect, other: Effect) -> bool:

@@ -14,6 +14,7 @@ from trunnion.diagnosis.linearised import Linearised
 from trunnion.diagnosis.model import Covariate, Model, Readings
 from trunnion.diagnosis.records import units_of
 from trunnion.diagnosis.whitening import Scaled
+from trunnion.machine.estimate import Estimate
 
 MAX_KEPT = 8  # predictions of a part
 
@@ -134,3 +135,16 @@ def joined_components(parts: Sequence[Part]) -> dict[str, Floats]:
         name: np.concatenate([x.get(name, zero) for x, zero in zip(own, none, strict=True)])
         for name in names
     }
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class ExtendedJoint(Estimate):
+    """What several measurements say of one machine.
+
+    Attributes
+    ----------
+    measurements
+        Their names, which stand in front of what is one measurement's own.
+    """
+
+    measurements: tuple[str, ...]
