@@ -25,7 +25,7 @@ def run(*words: object, code: int = 0) -> str:
 @pytest.mark.parametrize(
     ("factor", "likely"),
     [
-        (1000.0, "are these µm?"),
+        (1000.0, "are these µm, or the targets m?"),
         (1 / 25.4, "are these inches?"),
         (-1.0, "does the instrument count the other way?"),
         (0.3, "another unit, or other columns?"),
