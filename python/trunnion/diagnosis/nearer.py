@@ -7,7 +7,6 @@ causes.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +14,7 @@ import numpy as np
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats
 from trunnion.diagnosis.effect import Effect, Parameter, Values
+from trunnion.diagnosis.gains import gains_beside
 from trunnion.diagnosis.grid import best_place
 from trunnion.diagnosis.linearised import affine
 
@@ -50,7 +50,7 @@ def nearer(case: Case, c: Candidates) -> dict[int, Values]:
         if min(v[free[0].name] for v in around) <= 0.0:  # no time, no length
             continue
         if _lost(case, own[best], _peak(own, best)) > LOST:
-            gain, there = _best(_gain(case, effect), free[0], around)
+            gain, there = _best(case, effect, free[0], around)
             if _lost(case, own[best], gain) > LOST:
                 found[j] = there
     return found
@@ -73,31 +73,21 @@ def _peak(gains: Floats, best: int) -> float:
     return at + (after - before) ** 2 / (8 * curved) if curved > 0 else at
 
 
-def _gain(case: Case, effect: Effect) -> Callable[[Values], float]:
-    """Gain in the sum of squares of an effect by itself, as a function of its places."""
-    r, basis, model = case.plain.white, case.plain.basis, case.model
-
-    def gain(values: Values) -> float:
-        every = model.white_columns(case.plain.nuisance, effect, [values], case.whiten)
-        x = every[0][case.rows]
-        x = x - basis @ (basis.T @ x)
-        return float(r @ x @ np.linalg.lstsq(x, r, rcond=None)[0])
-
-    return gain
-
-
 def _best(
-    gain: Callable[[Values], float], free: Parameter, around: tuple[Values, Values, Values]
+    case: Case, effect: Effect, free: Parameter, around: tuple[Values, Values, Values]
 ) -> tuple[float, Values]:
     """Most gain between the neighbours of a place, or a step beyond the last; and where."""
     low, at, high = sorted(v[free.name] for v in around)
     low, high = (at**2 / high if low == at else low), (at**2 / low if high == at else high)
+    plain = case.plain
 
     def values(place: float) -> Values:
         return Values({**around[1], free.name: float(np.clip(place, *free.bounds))})
 
     def gains(places: Floats) -> Floats:
-        return np.array([gain(values(place)) for place in places.tolist()])
+        every = [values(place) for place in places.tolist()]
+        white = case.model.white_columns(plain.nuisance, effect, every, case.whiten)
+        return gains_beside(white[:, case.rows], plain.basis, plain.white)
 
-    there = values(best_place(gains, (low, at, high)))
-    return gain(there), there
+    there = best_place(gains, (low, at, high))
+    return float(gains(np.array([there]))[0]), values(there)
