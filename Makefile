@@ -81,7 +81,7 @@ power-ballbar: build  ## the same for ball-bar tests of hybrid and three-axis ma
 
 .PHONY: power-coverage
 power-coverage: build  ## do uncertainties of location errors hold: 2,000 cases, half an hour, into docs/results/power-coverage.md
-	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.coverage --plan paper --out ../docs/results/power-coverage.md
+	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.coverage --plan paper --seed 31 --out ../docs/results/power-coverage.md
 
 .PHONY: power-ticks
 power-ticks: build  ## the same for readings on a servo's grid, half an hour, into docs/results/power-ticks.md
