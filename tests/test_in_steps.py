@@ -106,6 +106,46 @@ def test_a_drift_of_a_step_is_as_uncertain_as_where_readings_change_says() -> No
     assert inside >= 0.85 * count
 
 
+def test_a_drift_of_a_step_is_no_warm_up_without_a_doubt() -> None:
+    """Steps beside the drift were structure without a name, and the drift did nothing beside them.
+
+    Of 24 four were warm-ups without a doubt.
+    """
+    found = 0
+    for seed in range(RUNS):
+        rng = np.random.default_rng([15, seed])
+        up = np.linspace(0.0, 500.0, rng.integers(15, 22)).round(1)
+        target, count = np.tile([*up, *up[::-1]], 3), len(up)
+        row = np.arange(len(target))
+        error = rng.uniform(-20, 20) + row / len(row) * rng.choice([-1, 1])
+        data = tn.Positioning(
+            target_mm=target,
+            measured_mm=target + 1e-3 * read(error, 0.03, rng),
+            direction=np.tile(np.repeat([1, -1], count), 3),
+            cycle=np.repeat([1, 2, 3], 2 * count),
+            time_s=15.0 * row,
+        )
+        found += frozenset({"drift"}) in tn.diagnose(data).alternatives
+    assert found == RUNS
+
+
+def test_targets_that_readings_miss_by_a_step_or_two_are_no_steps() -> None:
+    """Two targets that differ by just 100 mm, and others by about: it was a step of 100 µm."""
+    up = np.round(np.linspace(0.0, 800.0, 9) + np.tile([0.0, 4.3, -2.1], 3), 1)
+    target = np.tile([*up, *up[::-1]], 3)
+    off = np.tile(np.where(np.abs(up - 400.0) < 250.0, 13.0, 12.0), 6)
+    d = tn.diagnose(
+        tn.Positioning(
+            target_mm=target,
+            measured_mm=target + 1e-3 * off,
+            direction=np.tile(np.repeat([1, -1], 9), 3),
+            cycle=np.repeat([1, 2, 3], 18),
+        )
+    )
+    assert d.sigma < 1.0
+    assert any("steps of 1 µm" in note for note in d.notes)
+
+
 def test_what_the_probability_demands_is_named() -> None:
     """A barrel of 18 diameters, of three steps or less: 13 of 24 were named by squares."""
     lathe = tn.Setup(artefact=tn.Artefact("none"), turning={"overhang_mm": 240.0})

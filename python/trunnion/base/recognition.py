@@ -138,8 +138,21 @@ def unstated(
 
 
 def _is_of_plan(step: float, values: Floats, off: Floats) -> bool:
-    """Whether places of a plan lie on about this step, which the machine made another."""
-    if values.shape != off.shape:
+    """Whether places of a plan lie on about this step, which the machine made another.
+
+    Or on this very step, of which readings miss multiples: two that differ by it are no step.
+    """
+    own = values[: len(off)]  # without the 0 from which steps may count
+    if own.shape != off.shape:
         return False
-    planned = recognised(np.append(values - off, 0.0))
-    return planned > 0 and MIN_STEP < abs(step - planned) < OF_PLAN * planned
+    planned = recognised(np.append(own - off, 0.0))
+    if not planned > 0 or abs(step - planned) >= OF_PLAN * planned:
+        return False
+    return abs(step - planned) > MIN_STEP or not _exactly_on(own, step)
+
+
+def _exactly_on(values: Floats, step: float) -> bool:
+    """Whether values differ by multiples of a step to all digits."""
+    off = values - values[:1]
+    rounding = max(MAX_ROUNDING * float(np.abs(values).max(initial=0.0)), MIN_STEP)
+    return bool(np.all(np.abs(off - step * np.round(off / step)) < rounding))

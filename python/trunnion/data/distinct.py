@@ -1,8 +1,10 @@
 """Rows that are no readings of their own: pasted twice, copied to other labels, given twice.
 
-Readings in steps that were taken again may be the same without being copies. Where all repeats of
-readings agree they say no more than one of them, copied or not. Where some differ, these show how
-often honest repeats would agree: rows are copies where so many agree hardly by chance.
+Readings in steps that were taken again may be the same without being copies. Where some repeats
+differ, these show how often honest ones would agree: rows are copies where so many agree hardly by
+chance. Where all agree, the readings of one cycle show it, if they are in a few steps: noise takes
+them from one step to the next and back at once, a machine alone hardly does. Others that all agree
+say no more than one of them, copied or not.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import bdtrc
 
-from trunnion.base.recognition import recognised
+from trunnion.base.recognition import MIN_STEP, recognised
 from trunnion.base.rows import equal_rows
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.files.table import Table
@@ -26,6 +28,10 @@ MIN_COPIED = 6
 """Rows of a block: fewer may repeat others by chance where readings are in steps."""
 MAX_CHANCE = 1e-6
 """That so many honest repeats agree, below which they are copies."""
+ALIKE_LEVEL = 0.01
+"""The same of cycles that are all alike."""
+MAX_STEPS = 50
+"""Over which the readings of cycles that are all alike go, if they are honest."""
 NEXT_STEP = 1.2
 """Rms of the differences of repeats that differ, in steps, up to which most may agree."""
 OFTEN = 0.5
@@ -91,6 +97,9 @@ def distinct_rows(data: Any) -> Distinct:
             notes.append(f"{count} of {len(first)} rows repeat others {what}: each counts once.")
             stands_for = np.searchsorted(own, original)[stands_for]
             first = first[own]
+    used = data[first] if len(first) < len(data) else data
+    if any(len(b) > 1 and _alike_in_steps(used, b) for b in _of_same_commands(used)):
+        notes.append(ALL_ALIKE.format(_label(data)))
     return Distinct(data[first], first, stands_for, tuple(notes)) if notes else Distinct(data)
 
 
@@ -291,25 +300,50 @@ def _label(data: Table) -> str:
 def _without_copies(data: Table) -> Integers:
     """Of each row that of the first block of one label that is its block but for label and time."""
     rows = np.arange(len(data))
+    for same in _of_same_commands(data):
+        if _alike_in_steps(data, same):
+            continue
+        own = [np.stack([v[b] for v in data.readings.values()] or [0 * b]) for b in same]
+        for block, first in zip(same, _first_alike(own), strict=True):
+            rows[block] = same[first]
+    return rows
+
+
+def _of_same_commands(data: Table) -> list[list[Integers]]:
+    """Blocks of rows of one label, in lists of those that have the same commands."""
+    rows = np.arange(len(data))
     if not (name := _label(data)):
-        return rows
+        return []
     number = np.unique(data.columns[name], return_inverse=True)[1].reshape(-1)
     blocks = [rows[number == i] for i in range(number.max() + 1)]
     if len(blocks) < 2:
-        return rows
+        return []
     known = {name, "time_s", *data.readings}
     given = [v for k, v in data.columns.items() if k not in known]
-    groups: dict[bytes, list[Integers]] = {}  # blocks with the same commands
+    groups: dict[bytes, list[Integers]] = {}
     for block in blocks:
         alike = b"".join(_bytes(v[block]) for v in given) + bytes(str(len(block)), "ascii")
         if len(block) < MIN_COPIED:
             alike += bytes(f"|{block[0]}", "ascii")
         groups.setdefault(alike, []).append(block)
-    for same in groups.values():
-        own = [np.stack([v[b] for v in data.readings.values()] or [0 * b]) for b in same]
-        for block, first in zip(same, _first_alike(own), strict=True):
-            rows[block] = same[first]
-    return rows
+    return list(groups.values())
+
+
+def _alike_in_steps(data: Table, blocks: Sequence[Integers]) -> bool:
+    """Whether some blocks of the same commands are all alike, as honest repeats in steps may be."""
+    one, chance = blocks[0], 1.0
+    for name, values in data.readings.items():
+        if any(not np.array_equal(values[one], values[b]) for b in blocks[1:]):
+            return False
+        off = values[one]
+        if (commanded := name.replace("measured", "target")) != name:
+            off = off - data.columns[commanded][one]
+        step = recognised(off)
+        if np.ptp(off) > MAX_STEPS * step + MIN_STEP:
+            return False
+        to_next = np.round(np.diff(off) / step) if step > 0 else np.zeros(len(one) - 1)
+        chance *= 1.0 - float(np.mean(to_next[1:] * to_next[:-1] < 0)) if len(one) > 2 else 0.0
+    return bool(data.readings) and chance ** (len(one) * (len(blocks) - 1)) > ALIKE_LEVEL
 
 
 def _first_alike(blocks: Sequence[NDArray[Any]]) -> list[int]:

@@ -416,7 +416,9 @@ def _with_structure(
     named = list(sets.values())
     fitted = _fit_set(case, both, named[0])
     terms: list[tuple[Term, float]] = []
-    if _has_structure(c, top) or Alarm.of_terms(case, fitted).p < SCAN_LEVEL:
+    # The probability of readings in steps has weighed terms beside causes already.
+    beside = not (picked and searched.more) and Alarm.of_terms(case, fitted).p < SCAN_LEVEL
+    if _has_structure(c, top) or beside:
         terms = best_terms(case, fitted)
     return chances, named, terms, fitted
 

@@ -348,8 +348,8 @@ def _alone(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Diagno
         found = replace(found, contributions=contributions)
     if first is not None:
         outliers = tuple(int(first[row]) for row in found.outliers)
-        found = replace(found, outliers=outliers, notes=(*repeated, *found.notes))
-    return found
+        found = replace(found, outliers=outliers)
+    return replace(found, notes=(*repeated, *found.notes))
 
 
 def measured_of(found: Diagnosis) -> Measured:
