@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trunnion.base.units import Floats, unit_of
-from trunnion.data.whole import in_inches, in_radians
+from trunnion.data.whole import MM_PER_INCH, in_inches, in_radians
 from trunnion.files.table import Table
 
 FACTORS_MM = {
@@ -82,7 +82,7 @@ def times_text(factor: float) -> str:
     return "10⁶ times" if factor == 1e6 else f"{factor:.5g} times"
 
 
-IN_M = Sizes(1e-6, 1.0, "are these m (1000 times as large in mm)", each=False)
+IN_M = Sizes(1e-6, 1.0, others={"m": 1e3, "inches": MM_PER_INCH}, ordinary=(10.0, 2e4), each=False)
 """Its limit is by the kind of data (`Table.smallest_mm`)."""
 
 _SIZES: Mapping[str, tuple[Sizes, ...]] = {

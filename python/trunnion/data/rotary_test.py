@@ -33,6 +33,7 @@ class RotaryTest(Table):
     RotaryTest(1 row: a_deg, c_deg, x_mm, y_mm, z_mm, dx_um, dy_um, dz_um)
     """
 
+    smallest_mm = 12.0  # a ball on a stem stands farther from where the axes meet
     choice = "those of a_deg, b_deg, c_deg whose axes the machine has"
 
     a_deg = OptionalNumber("commanded position of the A axis, deg", commanded=True)

@@ -101,6 +101,9 @@ class Diagnosis(Result):
         The readings with what the models leave of them.
     notes:
         What else a reader should know, in sentences.
+    mistakes:
+        What is likely mistaken about the data or their set-up (a unit, a sense, a place), in
+        sentences that are in `notes`, too; first in the summary.
     reservation:
         Why the data may say nothing of the machine, in a sentence; first in the summary.
     too_little:
@@ -161,6 +164,7 @@ class Diagnosis(Result):
     model: Any
     residuals: Residuals | None = None
     notes: tuple[str, ...] = ()
+    mistakes: tuple[str, ...] = ()
     reservation: str | None = None
     too_little: str | None = None
     contributions: tuple[Contribution, ...] = ()

@@ -66,11 +66,12 @@ def sentences_of(d: Diagnosis) -> tuple[str, ...]:
     weak = (f"{labelled(k, d.labels.get(k, ''))}: {v}" for k, v in d.unnoticed.items())
     small = "; ".join(weak)
     return (
+        *d.mistakes,
         *(first for first in (d.reservation, d.too_little) if first is not None),
         *lines,
         *_left_out(d),
         *((f"Not excluded: {small}.",) if small else ()),
-        *d.notes,
+        *(note for note in d.notes if note not in d.mistakes),
     )
 
 

@@ -340,8 +340,9 @@ def _alone(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Diagno
     if model is data:
         return found
     found = replace(found, data=data, setup=setup, candidates=tuple(effects))
-    mistakes = mistake_notes(found, used, setup, _built)
-    found = replace(found, notes=(*mistakes, *time_notes(data), *found.notes))
+    mistakes = mistake_notes(found, model, used, setup, _built)
+    own = (note for note in mistakes if note not in found.notes)
+    found = replace(found, mistakes=mistakes, notes=(*own, *time_notes(data), *found.notes))
     if isinstance(setup, Setup) and setup.machine.tolerance:
         tolerance = setup.machine.tolerance
         contributions = tuple(c.with_tolerance(tolerance) for c in found.contributions)

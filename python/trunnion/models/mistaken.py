@@ -10,14 +10,17 @@ import numpy as np
 
 from trunnion.data.axis_log import AxisLog
 from trunnion.data.diameters import Diameters
+from trunnion.data.levels import Levels
 from trunnion.data.meant import likely_better, meant_named
 from trunnion.data.mistaken import size_notes
 from trunnion.data.positioning import Positioning
+from trunnion.data.rotary_test import RotaryTest
 from trunnion.data.touches import Touches
+from trunnion.data.turned import turn_doubts
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.plain import plain_fit
 from trunnion.diagnosis.result import Diagnosis
-from trunnion.machine.sizes import in_other_units
+from trunnion.machine.sizes import LARGE_UM, SURE_SIGMAS, in_other_units
 from trunnion.probing.mistakes import mistakes_named
 from trunnion.setup import Setup
 
@@ -68,17 +71,44 @@ def refusal_explained(data: Any, setup: Any, build: Build) -> Iterator[None]:
             yield
 
 
-def mistake_notes(found: Diagnosis, data: Any, setup: Any, build: Build) -> tuple[str, ...]:
-    """Say what is likely mistaken about data that were diagnosed."""
+def mistake_notes(
+    found: Diagnosis, model: Any, data: Any, setup: Any, build: Build
+) -> tuple[str, ...]:
+    """Say what is likely mistaken about data that were diagnosed.
+
+    model: What they were diagnosed by; that of touches knows it.
+    """
     if isinstance(data, Touches):
-        return ()
+        return tuple(model.remarks)
     said = [*size_notes(data)]
+    if isinstance(data, RotaryTest) and isinstance(setup, Setup):
+        said += _far_places(found, setup)
+    if isinstance(data, Levels):
+        said += turn_doubts(data)
     if isinstance(setup, Setup) and (doubt := in_other_units(setup.machine.errors)):
         said.append(f"[machine.errors] has {doubt}")
     if found.verdict == "unexplained" and isinstance(data, AxisLog):
         said += getattr(build(data, setup), "scale_doubts", ())
-    if found.verdict == "unexplained" and not isinstance(data, OWN_RULES):
+    if found.verdict == "unexplained" and not isinstance(data, Touches | Positioning):
         left = found.gain.rms_before_um, found.gain.rms_after_um
         if cause := likely_better(data, setup, scatter_by(build), *left):
             said.append(f"What is not explained has a likely cause: {cause}")
     return tuple(said)
+
+
+def _far_places(found: Diagnosis, setup: Setup) -> list[str]:
+    """Ask about positions of axes that are farther from the set-up than those of any machine."""
+    far = {
+        name: off
+        for name, value in found.errors_after.items()
+        if name[1] in "XYZ"
+        and abs(off := value - setup.machine.errors.get(name, 0.0)) > LARGE_UM
+        and abs(off) > SURE_SIGMAS * found.errors_std.get(name, np.inf)
+    }
+    if not far:
+        return []
+    listed = ", ".join(f"{name} {off:+.0f} µm" for name, off in far.items())
+    return [
+        f"More than 1 mm from the set-up: {listed}. Are the places of the ball (x_mm, y_mm, z_mm, "
+        "from the origin of the axes) and of the axes (point_mm) right, and in mm?"
+    ]

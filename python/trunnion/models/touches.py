@@ -148,7 +148,7 @@ class TouchDiagnosisModel(Model):
 
     # --- the model
 
-    @property
+    @cached_property
     def remarks(self) -> tuple[str, ...]:
         """Likely mistakes of the measurement."""
         return mistakes_in(self._model(()), self.data, self._moves)

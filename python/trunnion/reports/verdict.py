@@ -23,9 +23,9 @@ EXPANDED = " ± is U (k = 2)."
 
 
 def verdict_of_diagnosis(found: Found) -> str:
-    """Say what a diagnosis found, with sizes and probabilities; first if it can say little."""
+    """Say what a diagnosis found, with sizes and probabilities; first what makes it doubtful."""
     said = _verdict(found)
-    return said if found.d.too_little is None else f"{found.d.too_little} {said}"
+    return " ".join((*found.d.mistakes, *filter(None, [found.d.too_little]), said))
 
 
 def _verdict(found: Found) -> str:
@@ -40,7 +40,7 @@ def _verdict(found: Found) -> str:
                 *_located(found),
             )
         )
-    own = [x for x in d.sentences() if x not in (d.reservation, d.too_little)]
+    own = [x for x in d.sentences() if x not in (*d.mistakes, d.reservation, d.too_little)]
     parts = _found(found) if d.causes else own[: 2 if d.verdict == "ambiguous" else 1]
     if d.unexplained and d.causes:
         parts.append(f"Not explained: {d.unexplained}.")
