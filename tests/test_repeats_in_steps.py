@@ -59,6 +59,16 @@ def test_rows_pasted_from_a_rounded_table_are_copies(digits: int, shuffled: bool
     assert tn.diagnose(both).errors_std == tn.diagnose(data).errors_std
 
 
+@pytest.mark.parametrize("rows", [12, 147])
+def test_a_few_rows_with_one_digit_fewer_are_copies(rows: int) -> None:
+    """Two digits had to be missing, of 20 rows: two readings of a row agree by chance as seldom."""
+    data = plates(1.5, 1e-2)
+    copy = {k: np.round(v, 4) if v.dtype.kind == "f" else v for k, v in data.columns.items()}
+    found = distinct_rows(together(data, tn.Points(copy)[:rows]))
+    assert len(found.data) == len(data)
+    assert f"{rows} of {rows + 147} rows repeat others with fewer digits" in found.notes[-1]
+
+
 @pytest.mark.parametrize("noise", [0.1, 0.3, 1.0])
 @pytest.mark.parametrize("digits", [1, 2, 3])
 def test_honest_repeats_of_a_rounded_instrument_are_no_copies(noise: float, digits: int) -> None:

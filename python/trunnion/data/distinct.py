@@ -43,7 +43,7 @@ SAME = 1e-12
 WHOLE = 1e-5
 MAX_DIGITS = 9
 """After the decimal point; what has more was not written by hand or by a table."""
-FEWER_DIGITS = 2
+FEWER_DIGITS = 1
 """Of a rounded copy, at least."""
 MIN_CYCLES = 2
 """Of repeats."""
@@ -190,7 +190,8 @@ def _with_other_times(data: Table) -> Integers:
 def _with_fewer_digits(data: Table) -> Integers:
     """Of each row of a run whose readings are those of others, rounded, that row; but for times.
 
-    Repeats that are honest and scatter by half a step or more agree so in every second row at most.
+    Repeats that are honest and scatter by half a step or more agree so in every second reading at
+    most.
     Single readings end in zeros by chance.
     """
     rows, readings = np.arange(len(data)), data.readings
@@ -210,7 +211,8 @@ def _with_fewer_digits(data: Table) -> Integers:
         again = _among(coarse, given)[coarse] >= 0
         of = _among(coarse, list(rounded.values()))
         copied = int(np.sum(of[coarse] >= 0))
-        if copied >= MIN_COPIED and bdtrc(copied - 1, again.sum(), OFTEN) <= MAX_CHANCE:
+        chance = OFTEN ** len(readings)
+        if copied >= MIN_COPIED and bdtrc(copied - 1, again.sum(), chance) <= MAX_CHANCE:
             return np.where(of >= 0, of, rows)
     return rows
 
