@@ -7,7 +7,7 @@ nonlinear parameters.
 
 import itertools
 from bisect import bisect_right
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import cached_property
 from types import MappingProxyType
 
@@ -230,7 +230,7 @@ class Candidates:
             if k < len(squares) - 1:
                 continue
             # The columns of a block are orthonormal, and what they leave of the line beside them.
-            own = np.stack([self.columns(b) @ some for b in blocks.tolist()])
+            own = self._along(blocks, some)
             made = own.transpose(0, 2, 1) @ own
             left = (squares - made)[:, 0]
             line = np.where(left[:, 0] > ROUNDING * squares[0, 0], left[:, 0], np.inf)
@@ -238,6 +238,17 @@ class Candidates:
             if np.any(np.all(made[:, 1:] > MADE * np.diag(squares)[1:], axis=1)):
                 return True
         return False
+
+    def _along(self, blocks: Integers, r: Floats) -> Floats:
+        """Inner products of the columns of blocks of one rank with columns r (n, s), (b, k, s)."""
+        k = int(self.rank[blocks[0]])
+        parts = np.searchsorted(self._ends, self.start[blocks], side="right")
+        out = np.zeros((len(blocks), k, r.shape[1]))
+        for i in np.unique(parts).tolist():
+            own, part = parts == i, self._parts[i]
+            first = self.start[blocks[own]] - self._ends[i] + len(part)
+            out[own] = products([part], r)[first[:, None] + np.arange(k)]
+        return out
 
     def _place(self, block: int) -> tuple[Floats | Part, slice]:
         """Part that holds the columns of a block, and which of it they are."""
@@ -306,12 +317,11 @@ class Candidates:
         for j in map(int, self.identifiable):
             home = j
             if single[j]:
+                before = alone[: place[j]][same[: place[j], place[j]]].tolist()
                 homes = (
                     i
-                    for i in self.alike
-                    if single[i]
-                    and same[place[i], place[j]]
-                    and self.stated.get(i) == self.stated.get(j)
+                    for i in before
+                    if i in self.alike and self.stated.get(i) == self.stated.get(j)
                 )
                 home = next(homes, j)
             self.alike.setdefault(home, []).append(j)
@@ -342,23 +352,17 @@ class Candidates:
 
     def _overlaps(self, blocks: Integers) -> Floats:
         """Cosine between each of some blocks and the next (b - 1,)."""
-        k = int(self.rank[blocks[0]])
-        even = np.all(self.rank[blocks] == k) and np.all(np.diff(self.start[blocks]) == k)
-        parts = np.searchsorted(self._ends, self.start[blocks], side="right")
-        runs = np.split(blocks, np.flatnonzero(np.diff(parts)) + 1)
-        if even and (len(runs) == 1 or len(self._basis) >= MANY_ROWS):
-            found = list(self._between(runs, k))
-            return np.asarray(np.sqrt((np.concatenate(found) ** 2).sum(axis=(1, 2)) / k))
-        pairs = (self._inner(a, b) for a, b in itertools.pairwise(map(int, blocks)))
-        return np.array([np.sqrt(np.sum(g * g) / max(g.shape)) for g in pairs])
-
-    def _between(self, runs: Sequence[Integers], k: int) -> Iterator[Floats]:
-        """Inner products of neighbouring blocks of one rank, each run of them in one part."""
-        for i, run in enumerate(runs):
+        same = np.diff(np.searchsorted(self._ends, self.start[blocks], side="right")) == 0
+        same &= np.diff(self.rank[blocks]) == 0
+        same &= np.diff(self.start[blocks]) == self.rank[blocks][:-1]
+        found: list[Floats] = []
+        for i, run in enumerate(runs := np.split(blocks, np.flatnonzero(~same) + 1)):
             if i:
-                yield self._inner(int(runs[i - 1][-1]), int(run[0]))[None]
+                found.append(self._inner(int(runs[i - 1][-1]), int(run[0]))[None])
             part, some = self._place(int(run[0]))
-            yield neighbours(part, slice(some.start, some.start + k * len(run)), k)
+            k = some.stop - some.start
+            found.append(neighbours(part, slice(some.start, some.start + k * len(run)), k))
+        return np.concatenate([np.sqrt((x**2).sum(axis=(1, 2)) / max(x.shape[1:])) for x in found])
 
     def products(self, r: Floats) -> Floats:
         """Inner products of all columns with residuals (n,) or (n, s): shape (M,) or (M, s)."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property, partial
+from operator import itemgetter
 from types import MappingProxyType
 
 import numpy as np
@@ -36,8 +37,12 @@ class Linearised:
         nuisance: Floats,
         whiten: Whiten,
         further: Mapping[int, Values] = MappingProxyType({}),
+        made: Sequence[Piece] = (),
     ) -> None:
-        """``further``: of some candidates one place more than those of their grids."""
+        """``further``: of some candidates one place more than those of their grids.
+
+        ``made``: all pieces of some of the other candidates, that need not be made again.
+        """
         self.model, self.nuisance, self.whiten = model, nuisance, whiten
         self.values = [grid_values(effect) for effect in model.effects]
         for j, place in further.items():
@@ -50,15 +55,18 @@ class Linearised:
         self._make = partial(_pieces, model, nuisance, whiten, self.values)
         n = len(model.readings)
         few = n < MANY_ROWS and self.width * n <= MAX_DOUBLES
-        self._kept = list(self._make()) if few else None
+        fresh = set(range(len(self.values))) - {j for j, _ in made}
+        by_candidate = itemgetter(0)
+        self._kept = sorted([*made, *self._make(fresh)], key=by_candidate) if few else None
 
     def with_places(self, further: Mapping[int, Values]) -> Linearised:
         """Return the candidates, some of them at one place more."""
-        return Linearised(self.model, self.nuisance, self.whiten, further)
+        made = [(j, piece) for j, piece in self._kept or () if j not in further]
+        return Linearised(self.model, self.nuisance, self.whiten, further, made)
 
     def pieces(self) -> Iterable[Piece]:
         """Give the number of a candidate and some of its variants (v, n, k), in order."""
-        return self._make() if self._kept is None else self._kept
+        return self._make(range(len(self.values))) if self._kept is None else self._kept
 
     @cached_property
     def known(self) -> dict[tuple[str | float, ...], Floats]:
@@ -74,10 +82,16 @@ class Linearised:
 
 
 def _pieces(
-    model: Model, nuisance: Floats, whiten: Whiten, values: list[list[Values]]
+    model: Model,
+    nuisance: Floats,
+    whiten: Whiten,
+    values: list[list[Values]],
+    some: Collection[int],
 ) -> Iterator[Piece]:
+    """White columns of some candidates, in order."""
     n = len(model.readings)
-    for j, effect in enumerate(model.effects):
+    for j in sorted(some):
+        effect = model.effects[j]
         if name := affine(effect):
             at = np.array([v[name] for v in values[j]])
             ends = [values[j][0], values[j][-1]]
