@@ -22,11 +22,11 @@ from trunnion.diagnosis.selection import WITHIN, Found, Search, search
 from trunnion.diagnosis.structure import with_structure
 from trunnion.diagnosis.terms import (
     best_terms,
-    has_a_name,
     one_term_score,
     promising,
     stands_for_causes,
     sums_of_causes,
+    with_a_name,
 )
 from trunnion.diagnosis.whitening import Whiteners, correlated
 
@@ -162,7 +162,8 @@ def _explained(case: Case) -> Explanation:
             sums = sums_of_causes(case, picked, best)
             picked = [i for i in picked if i not in sums]
             if not unexplained:
-                picked = [i for i in picked if not has_a_name(case, i)]
+                have_names = with_a_name(case, picked)
+                picked = [i for i in picked if i not in have_names]
         weighed = (unexplained or demanded) and not chances.search.more
         smooth = processes(case, best) if weighed else []
         if unexplained or picked or smooth:

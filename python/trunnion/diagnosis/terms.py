@@ -97,27 +97,35 @@ def _directions(case: Case, term: int) -> Floats:
     return np.asarray(own[:, size**2 > DEPENDENT])
 
 
-def _smooth(case: Case, term: int) -> Floats | None:
-    """Return all polynomials of the quantity of a term, (n, k), if it is a polynomial of it."""
+def _smooth(case: Case, term: int) -> int | None:
+    """Return the term of all polynomials of the quantity of a term, if it is a polynomial of it."""
     every = case.dictionary.terms
     if every[term].kind != "polynomial":
         return None
     of = (every[term].covariate, every[term].kind, every[term].component)
     like = [i for i, one in enumerate(every) if (one.covariate, one.kind, one.component) == of]
-    return case.dictionary.block(like[-1])
+    return like[-1]
 
 
-def has_a_name(case: Case, term: int) -> bool:
-    """Whether a cause alone makes what a term makes: readings that show it show the cause.
+def with_a_name(case: Case, terms: Sequence[int]) -> set[int]:
+    """Terms that a cause alone makes: readings that show them show the cause.
 
-    Or, beside what is linear, all that any smooth function of its quantity makes.
+    Or, beside what is linear, all that any smooth function of their quantity makes.
     """
-    c, own = case.candidates, _directions(case, term)
-    smooth = _smooth(case, term)
-    if not own.shape[1] or (smooth is not None and c.makes_any(smooth, case.plain.basis)):
-        return True
-    made = c.gains(own).mean(axis=1)[np.isfinite(c.penalty)]
-    return bool(np.max(made, initial=0.0) > SAME**2)
+    if not terms:
+        return set()
+    c, basis = case.candidates, case.plain.basis
+    rows = [_directions(case, term).T for term in terms]
+    gains = c.gains(np.concatenate(rows).T)[np.isfinite(c.penalty)]
+    each = np.split(gains, np.cumsum([len(x) for x in rows])[:-1], axis=1)
+    found = {
+        term
+        for term, own, made in zip(terms, rows, each, strict=True)
+        if not len(own) or made.mean(axis=1).max(initial=0.0) > SAME**2
+    }
+    smooth = {i: k for i in terms if i not in found and (k := _smooth(case, i)) is not None}
+    made_by_one = {k for k in set(smooth.values()) if c.makes_any(case.dictionary.block(k), basis)}
+    return found | {term for term, k in smooth.items() if k in made_by_one}
 
 
 def sums_of_causes(case: Case, terms: Sequence[int], best: Found) -> set[int]:

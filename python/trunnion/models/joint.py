@@ -308,12 +308,9 @@ class JointModel(Model):
 
     def predict(self, nuisance: Floats, effects: EffectValues) -> Floats:
         """Return the readings of all parts, shape (n,)."""
-        return np.concatenate(
-            [
-                part.predicted(*self._of_part(i, nuisance, effects))
-                for i, part in enumerate(self.parts)
-            ]
-        )
+        acting = {k: values for k, values in effects.items() if any(values.values())}
+        own = (p.predicted(*self._of_part(i, nuisance, acting)) for i, p in enumerate(self.parts))
+        return np.concatenate(list(own))
 
     def jacobian(self, nuisance: Floats, effects: EffectValues) -> Floats:
         """Return the derivative by what is always fitted, shape (n, p)."""
@@ -366,7 +363,9 @@ class JointModel(Model):
         for acts in self._acting(effect):
             part, some = self.parts[acts.part], self._at[acts.part]
             at = nuisance[self._index[acts.part]]
-            own = part.white_columns(at, acts.effect, [acts.values(one) for one in values])
+            alike = acts.effect.parameters is effect.parameters  # columns do not hang on sizes
+            places = values if alike else [acts.values(one) for one in values]
+            own = part.white_columns(at, acts.effect, places)
             out[:, :, some] += own * acts.sign
         return out.transpose(0, 2, 1)
 
