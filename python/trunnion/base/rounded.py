@@ -15,6 +15,7 @@ inverse covariance. The noise, where no repeats tell it, is that of which the re
 probable (by Laplace's method).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -93,24 +94,57 @@ def rounds_to_all(residuals: Floats, jacobian: Floats, step: Floats) -> bool:
     return found.fun is not None and found.fun <= 0.5 - INSIDE / len(off)
 
 
-def log_probability(residuals: Floats, jacobian: Floats, step: Floats) -> float:
+def log_probability(
+    residuals: Floats, jacobian: Floats, step: Floats, noise: float | None = None
+) -> float:
     """Log of the probability of what was read, at the likeliest place and noise of a machine.
 
     ``residuals``, ``jacobian``: of a fit, shapes (n,) and (n, p). ``step``: of each reading, above
-    zero. Unlike a sum of squares it asks of each reading only whether it rounds to what was read.
+    zero. ``noise``: beside the rounding, where it is known. Unlike a sum of squares it asks of each
+    reading only whether it rounds to what was read.
     """
+    left, off = _without(residuals, jacobian, step)
+    at, most, every = np.zeros(off.shape[1]), -np.inf, np.ones(len(left))
+    for tried in _noises(left, step, NOISES[1::2], noise):
+        at, log, _ = _top(left, off, step / 2, tried, every, at, NEAR)
+        most = log if noise is not None else max(most, log)
+    return most
+
+
+def noise_beside(residuals: Floats, jacobian: Floats, step: Floats) -> float:
+    """Noise beside the rounding of which readings are most probable, whatever the place is.
+
+    Places are integrated over (Laplace's method): at the likeliest one a dozen of parameters take
+    most of a noise of some tenths of a step. Arguments as in :func:`log_probability`.
+    """
+    left, off = _without(residuals, jacobian, step)
+    at, best, most, every = np.zeros(off.shape[1]), 0.0, -np.inf, np.ones(len(left))
+    for tried in _noises(left, step, NOISES):
+        at, log, curvature = _top(left, off, step / 2, tried, every, at, NEAR)
+        information = off.T @ (curvature[:, None] * off) + WIDER**-2 * np.eye(len(at))
+        together = log - float(np.linalg.slogdet(information)[1]) / 2
+        if together > most:
+            best, most = tried, together
+    return best
+
+
+def _without(residuals: Floats, jacobian: Floats, step: Floats) -> tuple[Floats, Floats]:
+    """What a fit leaves, shape (n,), and its columns, each as long as a rounding error (n, p)."""
     size = np.linalg.norm(jacobian, axis=0)
     along = np.linalg.qr(jacobian[:, size > 0] / size[size > 0])[0]
     left = residuals - along @ (along.T @ residuals)
-    largest = float(step.max())
-    off = along * (largest / np.sqrt(12))
-    scatter = float(np.sqrt(np.mean(left**2)))
-    smaller = (share * largest for share in NOISES[1::2] if share * largest < scatter)
-    at, most, every = np.zeros(off.shape[1]), -np.inf, np.ones(len(left))
-    for noise in (scatter or largest * NOISES[-1], *smaller):
-        at, log, _ = _top(left, off, step / 2, noise, every, at, NEAR)
-        most = max(most, log)
-    return most
+    return left, along * (float(step.max()) / np.sqrt(12))
+
+
+def _noises(
+    left: Floats, step: Floats, shares: Sequence[float], known: float | None = None
+) -> list[float]:
+    """Noises to try, from where the top is easily found to the known one, or the smallest."""
+    scatter, largest = float(np.sqrt(np.mean(left**2))), float(step.max())
+    least = 0.0 if known is None else known
+    smaller = [share * largest for share in shares if least < share * largest < scatter]
+    first = [scatter] if scatter > least else []
+    return [*first, *smaller, *([] if known is None else [known])] or [largest * NOISES[-1]]
 
 
 def place_of(

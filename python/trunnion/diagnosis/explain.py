@@ -229,7 +229,7 @@ def _demanded(case: Case) -> tuple[Probabilities, Fit, Alarm]:
         alarm = Alarm.of_causes(case)
         searched = by_probability(case, search(candidates, plain.white, floor=case.floor))
         chances = Probabilities(searched, candidates)
-        as_read = chance_as_read(searched)
+        as_read = chance_as_read(case, searched)
         demanded = (
             searched.top.score < searched.nothing.score - WITHIN
             or as_read < level

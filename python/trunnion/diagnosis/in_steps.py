@@ -16,7 +16,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from trunnion.base.rounded import log_probability
+from trunnion.base.rounded import log_probability, noise_beside
 from trunnion.base.units import Floats
 from trunnion.diagnosis.candidates import NAMING_LEVEL
 from trunnion.diagnosis.case import Case
@@ -26,7 +26,7 @@ from trunnion.diagnosis.whitening import identity
 
 Blocks: TypeAlias = tuple[int, ...]
 
-MAX_NOISE = 0.25  # of a reading, in steps, from which sums of squares say as much
+MAX_NOISE = 0.15  # of a reading, in steps, from which sums of squares say most of it
 PLACES = 3  # values of nonlinear parameters, of each cause, that are tried
 SAME = 1.0  # of ln P, by which readings do not tell two sets
 REACH = 12.0  # above the best score, from which sets are as good as impossible
@@ -46,7 +46,7 @@ def by_probability(case: Case, searched: Search, picked: tuple[int, ...] = ()) -
     for price, blocks in _priced(searched):
         if price > most:  # no probability is above one
             continue
-        logs[blocks] = log_probability(columns.left, columns.of(blocks), columns.step)
+        logs[blocks] = columns.log_probability(blocks)
         scores[blocks] = price - 2.0 * logs[blocks]
         most = min(most, scores[blocks] + REACH)
     if not scores or (len(scores) == 1 and not searched.top.members):
@@ -59,14 +59,23 @@ def by_probability(case: Case, searched: Search, picked: tuple[int, ...] = ()) -
     return searched.scored(scores)
 
 
-def chance_as_read(searched: Search) -> float:
+def chance_as_read(case: Case, searched: Search) -> float:
     """Probability that sound readings gain as much by some cause; 1: sums of squares say it.
 
     What a cause costs is gained by chance at the level at which it is named, and twice ln P beyond
-    it with the tail of chi². Squares see no gain by where readings change from step to step.
+    it with the tail of chi². Squares see no gain by where readings change from step to step. A noise
+    of some tenths of a step shows in few readings, so that causes seem to lower it by chance: here
+    it is, with and without the cause, that of the plain model.
     """
-    gain = searched.nothing.score - searched.top.score
-    return min(NAMING_LEVEL * float(np.exp(-gain / 2)), 1.0) if searched.more else 1.0
+    top = searched.top
+    if not searched.more or not top.members:
+        return 1.0
+    columns = _Columns(case, searched, ())
+    alone, most = (columns.log_probability(blocks) for blocks in ((), top.blocks))
+    noise = noise_beside(columns.left, columns.always, columns.step)
+    kept = [columns.log_probability(blocks, noise) for blocks in ((), top.blocks)]
+    gain = searched.nothing.score - top.score - 2.0 * (most - alone) + 2.0 * (kept[1] - kept[0])
+    return min(NAMING_LEVEL * float(np.exp(-gain / 2)), 1.0)
 
 
 def _says_more(case: Case, searched: Search) -> bool:
@@ -120,6 +129,10 @@ class _Columns:
     def of(self, blocks: Blocks) -> Floats:
         """Columns of what is always fitted and of a set, shape (n, p + k)."""
         return np.concatenate([self.always, *map(self._block, blocks)], axis=1)
+
+    def log_probability(self, blocks: Blocks, noise: float | None = None) -> float:
+        """Log of the probability of what was read, beside a set."""
+        return log_probability(self.left, self.of(blocks), self.step, noise)
 
     def _block(self, block: int) -> Floats:
         if block not in self._known:
