@@ -63,8 +63,8 @@ def chance_as_read(case: Case, searched: Search) -> float:
     """Probability that sound readings gain as much by some cause; 1: sums of squares say it.
 
     What a cause costs is gained by chance at the level at which it is named, and twice ln P beyond
-    it with the tail of chi². Squares see no gain by where readings change from step to step. A noise
-    of some tenths of a step shows in few readings, so that causes seem to lower it by chance: here
+    it with the tail of chi². Squares see no gain by where readings change from step to step. Few
+    readings show a noise of some tenths of a step, so that causes seem to lower it by chance: here
     it is, with and without the cause, that of the plain model.
     """
     top = searched.top
