@@ -28,6 +28,7 @@ NOISES = (0.5, 0.4, 0.3, 0.2, 0.15, 0.1, 0.07, 0.05, 0.03, 0.02)
 """Noise beside the rounding that is tried, in steps, from where the top is easily found."""
 WIDER = 10.0  # times the standard errors of the fit, within which the top is sought
 AVERAGED = 8  # pairs of places
+MACHINES = 40  # drawn, of which the mean gain is known to a quarter
 ROUNDS = 16
 SEED = 1
 MAX_STEPS = 30
@@ -94,38 +95,42 @@ def rounds_to_all(residuals: Floats, jacobian: Floats, step: Floats) -> bool:
     return found.fun is not None and found.fun <= 0.5 - INSIDE / len(off)
 
 
-def log_probability(
-    residuals: Floats, jacobian: Floats, step: Floats, noise: float | None = None
-) -> float:
+def log_probability(residuals: Floats, jacobian: Floats, step: Floats) -> float:
     """Log of the probability of what was read, at the likeliest place and noise of a machine.
 
     ``residuals``, ``jacobian``: of a fit, shapes (n,) and (n, p). ``step``: of each reading, above
-    zero. ``noise``: beside the rounding, where it is known. Unlike a sum of squares it asks of each
-    reading only whether it rounds to what was read.
+    zero. Unlike a sum of squares it asks of each reading only whether it rounds to what was read.
     """
     left, off = _without(residuals, jacobian, step)
     at, most, every = np.zeros(off.shape[1]), -np.inf, np.ones(len(left))
-    for tried in _noises(left, step, NOISES[1::2], noise):
-        at, log, _ = _top(left, off, step / 2, tried, every, at, NEAR)
-        most = log if noise is not None else max(most, log)
+    for noise in _noises(left, step, NOISES[1::2]):
+        at, log, _ = _top(left, off, step / 2, noise, every, at, NEAR)
+        most = max(most, log)
     return most
 
 
-def noise_beside(residuals: Floats, jacobian: Floats, step: Floats) -> float:
-    """Noise beside the rounding of which readings are most probable, whatever the place is.
+def gained_by_chance(residuals: Floats, jacobian: Floats, more: Floats, step: Floats) -> float:
+    """Twice the ln P that ``more`` columns gain, in the mean, where nothing of them is there.
 
-    Places are integrated over (Laplace's method): at the likeliest one a dozen of parameters take
-    most of a noise of some tenths of a step. Arguments as in :func:`log_probability`.
+    As many as they are, where the readings tell the noise; up to twice that beside a dozen of
+    parameters, as few readings show a noise of some tenths of a step. ``more``: with those of
+    ``jacobian``; other arguments as in :func:`log_probability`. Drawn: machines of the likeliest
+    noise and place, whose noise is sought at all places (Laplace's method), and their readings.
     """
     left, off = _without(residuals, jacobian, step)
-    at, best, most, every = np.zeros(off.shape[1]), 0.0, -np.inf, np.ones(len(left))
-    for tried in _noises(left, step, NOISES):
-        at, log, curvature = _top(left, off, step / 2, tried, every, at, NEAR)
+    at, best, most, every = np.zeros(off.shape[1]), (left, 0.0), -np.inf, np.ones(len(left))
+    for noise in _noises(left, step, NOISES):
+        at, log, curvature = _top(left, off, step / 2, noise, every, at, NEAR)
         information = off.T @ (curvature[:, None] * off) + WIDER**-2 * np.eye(len(at))
         together = log - float(np.linalg.slogdet(information)[1]) / 2
         if together > most:
-            best, most = tried, together
-    return best
+            best, most = (left - off @ at, noise), together
+    rng, (beside, noise), gained = np.random.default_rng(SEED), best, np.zeros(MACHINES)
+    for k in range(MACHINES):
+        read = step * np.round((noise * rng.standard_normal(len(left)) - beside) / step)
+        gained[k] = log_probability(left + read, more, step)
+        gained[k] -= log_probability(left + read, jacobian, step)
+    return 2.0 * float(np.mean(gained))
 
 
 def _without(residuals: Floats, jacobian: Floats, step: Floats) -> tuple[Floats, Floats]:
@@ -136,15 +141,11 @@ def _without(residuals: Floats, jacobian: Floats, step: Floats) -> tuple[Floats,
     return left, along * (float(step.max()) / np.sqrt(12))
 
 
-def _noises(
-    left: Floats, step: Floats, shares: Sequence[float], known: float | None = None
-) -> list[float]:
-    """Noises to try, from where the top is easily found to the known one, or the smallest."""
+def _noises(left: Floats, step: Floats, shares: Sequence[float]) -> list[float]:
+    """Noises to try, from where the top is easily found; the scatter at most."""
     scatter, largest = float(np.sqrt(np.mean(left**2))), float(step.max())
-    least = 0.0 if known is None else known
-    smaller = [share * largest for share in shares if least < share * largest < scatter]
-    first = [scatter] if scatter > least else []
-    return [*first, *smaller, *([] if known is None else [known])] or [largest * NOISES[-1]]
+    smaller = [share * largest for share in shares if share * largest < scatter]
+    return [scatter or largest * NOISES[-1], *smaller]
 
 
 def place_of(

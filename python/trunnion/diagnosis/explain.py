@@ -96,6 +96,7 @@ def _with_errors(case: Case, share: float) -> Case:
 def _exact_among(case: Case, noisy: Case) -> Explanation | None:
     """Explain by the sets of fewest causes that fit exactly, found in a case with so much noise."""
     found = _explained(noisy)
+    case = replace(case, linearised=noisy.linearised)  # at the places that were found there
     tried = found.sets[:MAX_EXACT]
     fits = [_fit_members(case, members) for members, _, _ in tried]
     exact: dict[frozenset[int], tuple[dict[int, int], Fit]] = {}
@@ -195,6 +196,7 @@ def _explained(case: Case) -> Explanation:
         alarm=alarm,
         candidates=candidates,
         probabilities=chances,
+        values=case.values,
         note=note,
         least=top.rss,
         behind=behind,
@@ -229,13 +231,13 @@ def _demanded(case: Case) -> tuple[Probabilities, Fit, Alarm]:
         alarm = Alarm.of_causes(case)
         searched = by_probability(case, search(candidates, plain.white, floor=case.floor))
         chances = Probabilities(searched, candidates)
-        as_read = chance_as_read(case, searched)
-        demanded = (
-            searched.top.score < searched.nothing.score - WITHIN
-            or as_read < level
-            or (alarm.p < level and alarm.holds(level))
+        demanded = (not searched.more and searched.top.score < searched.nothing.score - WITHIN) or (
+            alarm.p < level and alarm.holds(level)
         )
-        alarm.p = min(alarm.p, as_read)
+        if not demanded:
+            as_read = chance_as_read(case, searched)
+            demanded = as_read < level
+            alarm.p = min(alarm.p, as_read)
         if not searched.top.members or case.exact(plain) or not demanded:
             return chances, plain, alarm
         extended = _fit_set(case, candidates, chances.likeliest[0])

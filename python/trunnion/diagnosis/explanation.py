@@ -7,6 +7,7 @@ from typing import TypeAlias
 import numpy as np
 
 from trunnion.diagnosis.candidates import Candidates
+from trunnion.diagnosis.effect import Values
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.probability import Weighed
 from trunnion.diagnosis.scan import Term
@@ -33,6 +34,8 @@ class Explanation:
         p-value over all tests.
     probabilities:
         Of all sets that the search looked at.
+    values:
+        Of each candidate, the parameter values of its variants, which the sets count.
     note:
         What repeats or the stated noise say against the model.
     least:
@@ -51,6 +54,7 @@ class Explanation:
     alarm: float
     candidates: Candidates
     probabilities: Weighed
+    values: list[list[Values]]
     note: str | None = None
     least: float = np.inf
     behind: Callable[[], Sets] | None = None

@@ -15,8 +15,9 @@ from operator import itemgetter
 from typing import TypeAlias
 
 import numpy as np
+from scipy.special import digamma
 
-from trunnion.base.rounded import log_probability, noise_beside
+from trunnion.base.rounded import gained_by_chance, log_probability
 from trunnion.base.units import Floats
 from trunnion.diagnosis.candidates import NAMING_LEVEL
 from trunnion.diagnosis.case import Case
@@ -63,19 +64,20 @@ def chance_as_read(case: Case, searched: Search) -> float:
     """Probability that sound readings gain as much by some cause; 1: sums of squares say it.
 
     What a cause costs is gained by chance at the level at which it is named, and twice ln P beyond
-    it with the tail of chi². Squares see no gain by where readings change from step to step. Few
-    readings show a noise of some tenths of a step, so that causes seem to lower it by chance: here
-    it is, with and without the cause, that of the plain model.
+    it with the tail of chi². Squares see no gain by where readings change from step to step. What
+    sound readings gain more than readings without steps, in the mean, a gain is shorter by.
     """
-    top = searched.top
-    if not searched.more or not top.members:
+    top, nothing = searched.top, searched.nothing
+    if not searched.more or not top.members or top.score >= nothing.score:
         return 1.0
     columns = _Columns(case, searched, ())
-    alone, most = (columns.log_probability(blocks) for blocks in ((), top.blocks))
-    noise = noise_beside(columns.left, columns.always, columns.step)
-    kept = [columns.log_probability(blocks, noise) for blocks in ((), top.blocks)]
-    gain = searched.nothing.score - top.score - 2.0 * (most - alone) + 2.0 * (kept[1] - kept[0])
-    return min(NAMING_LEVEL * float(np.exp(-gain / 2)), 1.0)
+    left, none, some = columns.left, columns.always, columns.of(top.blocks)
+    gain = 2.0 * (columns.log_probability(top.blocks) - columns.log_probability(()))
+    by_chance = gained_by_chance(left, none, some, columns.step)
+    dof, rank = searched.c.dof, some.shape[1] - none.shape[1]
+    unrounded = dof * float(digamma(dof / 2) - digamma((dof - rank) / 2))  # of squares
+    beyond = nothing.score - top.score - gain * (1.0 - 1.0 / max(by_chance / unrounded, 1.0))
+    return min(NAMING_LEVEL * float(np.exp(-beyond / 2)), 1.0)
 
 
 def _says_more(case: Case, searched: Search) -> bool:
@@ -130,9 +132,9 @@ class _Columns:
         """Columns of what is always fitted and of a set, shape (n, p + k)."""
         return np.concatenate([self.always, *map(self._block, blocks)], axis=1)
 
-    def log_probability(self, blocks: Blocks, noise: float | None = None) -> float:
+    def log_probability(self, blocks: Blocks) -> float:
         """Log of the probability of what was read, beside a set."""
-        return log_probability(self.left, self.of(blocks), self.step, noise)
+        return log_probability(self.left, self.of(blocks), self.step)
 
     def _block(self, block: int) -> Floats:
         if block not in self._known:

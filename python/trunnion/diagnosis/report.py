@@ -369,7 +369,7 @@ def _alternatives(case: Case, e: Explanation) -> list[Alternative]:
         causes = frozenset(ids[m] for m in members)
         if causes not in out:
             size = np.sqrt(max(rss, 0.0) / max(len(e.fit.white), 1))
-            start = {ids[m]: case.values[m][v] for m, v in members.items()}
+            start = {ids[m]: e.values[m][v] for m, v in members.items()}
             chance = chances.of_set(frozenset(members))
             out[causes] = Alternative(causes, float(distance), float(size), start, chance)
     sets = list(out.values())
