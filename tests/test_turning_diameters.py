@@ -72,6 +72,28 @@ def test_a_tool_soon_warm_is_found_beside_a_pass_on_a_warm_one(seed: int) -> Non
     assert got.named == {"tool_heating", "tool_wear"}
 
 
+def test_a_tool_that_heats_slowly_is_not_worn() -> None:
+    """A part that becomes thinner nearly in proportion to time: wear makes it thicker."""
+    for seed in (226, 300_181, 300_078):
+        got = diagnose(*measured(seed, ("tool_heating",), 2, left=[10.0]))
+        assert not any(a.causes == {"tool_wear"} for a in got.evidence)
+        assert {"tool_heating"} in [a.causes for a in got.evidence]
+
+
+def test_on_one_pass_a_cone_that_wear_cannot_make_is_a_taper() -> None:
+    """Wear and taper change its readings alike, but wear makes no part thinner."""
+    signs = set()
+    for seed in range(6):
+        got = diagnose(*measured(seed, ("taper",), 1))
+        probable = {next(iter(a.causes)): a.probability for a in got.evidence if len(a.causes) == 1}
+        signs.add("tool_wear" in probable)
+        if "tool_wear" in probable:
+            assert probable["tool_wear"] > 0.99 * probable["taper"]
+        else:
+            assert probable["taper"] > 0.5
+    assert signs == {False, True}
+
+
 def test_without_a_clock_the_length_cut_takes_its_place() -> None:
     data, _ = measured(2, ("tool_heating",), 1)
     data = data.with_columns(time_s=None)

@@ -75,16 +75,17 @@ class Candidates:
         own_level: Floats | None = None,
         stated: Mapping[int, float] = MappingProxyType({}),
         alone: Collection[int] = (),
+        positive: frozenset[int] = frozenset(),
     ) -> "Candidates":
         """Candidates of which not all columns are there at a time.
 
         ``pieces``: number of a candidate and some of its variants, in order; ``count``: of the
         candidates; ``numbers``: of all pieces together; ``own_level``: as of the class; ``stated``:
         standard deviation of what some of them may add along their unit columns; ``alone``:
-        candidates of one variant.
+        candidates of one variant; ``positive``: those of one column that are nothing if negative.
         """
         new = object.__new__(cls)
-        new.stated = stated
+        new.stated, new.positive = stated, positive
         new._build(pieces, count, numbers, basis, alone)
         new._complete(basis, NAMING_LEVEL, own_level, None)
         return new
@@ -136,7 +137,7 @@ class Candidates:
         ``own_level``, ``own_price``: of the further ones only.
         """
         new = object.__new__(Candidates)
-        new.stated = self.stated
+        new.stated, new.positive = self.stated, self.positive
         new._build(enumerate(variants), len(variants), 0, self._basis)
         new.owner = np.concatenate([self.owner, new.owner + self.count])
         new.variant = np.concatenate([self.variant, new.variant])
@@ -158,7 +159,7 @@ class Candidates:
         )
         new.inflate(np.append(self.inflation, np.ones(len(new.owner) - len(self.owner))))
         new.ban(self._banned)
-        new.dependent, new.positive = self.dependent, self.positive
+        new.dependent = self.dependent
         return new
 
     def inflate(self, factor: Floats) -> None:
@@ -321,7 +322,9 @@ class Candidates:
                 homes = (
                     i
                     for i in before
-                    if i in self.alike and self.stated.get(i) == self.stated.get(j)
+                    if i in self.alike
+                    and not {i, j} & self.positive  # the other one may be negative
+                    and self.stated.get(i) == self.stated.get(j)
                 )
                 home = next(homes, j)
             self.alike.setdefault(home, []).append(j)

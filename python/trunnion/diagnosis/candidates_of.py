@@ -27,11 +27,11 @@ def candidates_of(case: Case) -> Candidates:
     numbers = case.linearised.width * len(case.rows)
     own = np.array([float(e.expected) or e.level or RARE_LEVEL * e.rare for e in case.effects])
     alone = frozenset(j for j, values in enumerate(case.values) if len(values) == 1)
-    found = Candidates.of_pieces(
-        pieces, len(case.effects), numbers, case.plain.basis, own, _stated(case), alone
-    )
     low = [[p.bounds[0] for p in e.parameters if p.linear] for e in case.effects]
-    found.positive = frozenset(j for j, bounds in enumerate(low) if bounds == [0.0])
+    positive = frozenset(j for j, bounds in enumerate(low) if bounds == [0.0])
+    found = Candidates.of_pieces(
+        pieces, len(case.effects), numbers, case.plain.basis, own, _stated(case), alone, positive
+    )
     if case.dependent:
         found.dependent = DEPENDENT_INCOMPLETE
     found.inflate(_inflation(case, found))
