@@ -30,6 +30,13 @@ def axis(
     )
 
 
+def worn(data: tn.Positioning, rng: np.random.Generator) -> np.ndarray:
+    """A nut with more backlash where the axis works, less what it has on average."""
+    at, width = rng.uniform(150, 350), rng.uniform(60, 120)
+    more = np.exp(-(((data.target - at) / width) ** 2))
+    return np.asarray(rng.uniform(2, 6) * data.direction * (more - more.mean()))
+
+
 def beside_a_line(place: np.ndarray, change: np.ndarray) -> np.ndarray:
     """A change less the straight line in it."""
     return np.asarray(change - np.polyval(np.polyfit(place, change, 1), place))
@@ -38,6 +45,7 @@ def beside_a_line(place: np.ndarray, change: np.ndarray) -> np.ndarray:
 HIDDEN: dict[str, Callable[[tn.Positioning, np.random.Generator], np.ndarray]] = {
     "scale": lambda d, rng: 1e-3 * rng.uniform(10, 30) * (d.target - 250),
     "reversal": lambda d, rng: rng.uniform(1, 4) * d.direction,
+    "reversal_of_position": worn,
     "cycle_drift": lambda d, rng: rng.uniform(0.5, 2) * (d.cycle - 1),
     # a screw whose pitch wanders, seen by stops: not a wave of the catalogue, but one in places
     "curve": lambda d, _: (

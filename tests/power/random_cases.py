@@ -35,6 +35,7 @@ COUNTS = (0.25, 0.35, 0.25, 0.15)  # of no cause, one, two, three
 BATCH = 20
 LEFT = (5.0, 50.0)  # a cause alone is named from about 3.5 on
 SMOOTH = 2.0  # times that: a smooth shape without a name, which has a dozen parameters
+SAME = 0.999  # correlation of what two causes leave, above which they are one to these readings
 VISIBLE = 0.1  # of a cause is left at least, beside what is always fitted
 HYBRID = (*ballbar_study.HYBRID, *ballbar_study.HYBRID_DRIFTS)
 
@@ -64,13 +65,13 @@ def _some(rng: Rng, names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(map(str, rng.choice(names, min(count, len(names)), replace=False)))
 
 
-def _unlike(
+def _differing(
     rng: Rng, made: Mapping[str, NDArray[np.float64]], left: Left, noise: float
 ) -> tuple[frozenset[str], NDArray[np.float64] | float]:
     """Scale what causes change in the readings, to leave so much as is drawn; names and sum.
 
     left: what is left of a change beside what is always fitted. One of which hardly anything is, or
-    that looks like another, is not taken.
+    that is the same as another, is not taken.
     """
     kept: dict[str, NDArray[np.float64]] = {}
     change: NDArray[np.float64] | float = 0.0
@@ -79,20 +80,23 @@ def _unlike(
         long = float(np.linalg.norm(seen))
         if long < VISIBLE * np.linalg.norm(own):
             continue
-        if all(abs(seen @ o) < ALIKE * long * np.linalg.norm(o) for o in kept.values()):
+        if all(abs(seen @ o) < SAME * long * np.linalg.norm(o) for o in kept.values()):
             kept[name] = seen
             more = SMOOTH if name == "field" else 1.0
             change = change + own * (more * want * noise / long)
     return frozenset(kept), change
 
 
-def touches_of(rng: Rng, name: str) -> tuple[Drawn, Truth]:
-    """Touches of a cross by a plan of `ground`, 0.1 to 2 µm of noise, and what is true."""
+def touches_of(rng: Rng, name: str, alike: float = ALIKE) -> tuple[Drawn, Truth]:
+    """Touches of a cross by a plan of `ground`, 0.1 to 2 µm of noise, and what is true.
+
+    ``alike``: correlation of what two effects leave, from which on they are not drawn together.
+    """
     plan, setup, _, read = ground(name)
     noise = size(rng, 0.1, 2.0)
     rms = noise * (size(rng, 0.7, 7.0) if name == "paper" else size(rng, 0.3, 3.0))
     count = int(rng.choice(len(COUNTS), p=COUNTS))
-    hidden = draw_effects(rng, name, count, rms) if count else {}
+    hidden = draw_effects(rng, name, count, rms, alike=alike) if count else {}
     unknown = bool(rng.random() < UNKNOWN_SHARE)
     extra = draw_unknown(rng, name, rms) if unknown else None
     truth = Truth(errors=random_errors(rng), placement=random_placement(rng), effects=hidden)
@@ -103,7 +107,7 @@ def touches_of(rng: Rng, name: str) -> tuple[Drawn, Truth]:
 
 def touches(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
     """Touches of a cross, the paper's plan or a rich one."""
-    return touches_of(rng, str(rng.choice(["paper", "rich"])))[0]
+    return touches_of(rng, str(rng.choice(["paper", "rich"])), SAME)[0]
 
 
 def points(rng: Rng, number: int) -> Drawn:
@@ -168,10 +172,8 @@ def hybrid_ballbar(rng: Rng, number: int) -> Drawn:
 
 
 def positioning(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
-    """Stops of an axis, 11 or 15 targets, 3 to 5 cycles; of causes that look alike one."""
-    alike = (("scale",), ("reversal",), ("drift", "cycle_drift", "warmup"), ("curve", "periodic"))
-    causes = tuple(str(rng.choice(group)) for group in alike)
-    hidden = _some(rng, causes)
+    """Stops of an axis, 11 or 15 targets, 3 to 5 cycles."""
+    hidden = _some(rng, tuple(n for n in positioning_twin.HIDDEN if n != "unknown"))
     unknown = bool(rng.random() < UNKNOWN_SHARE)
     data = positioning_twin.axis(
         rng, targets=int(rng.choice([11, 15])), cycles=int(rng.integers(3, 6))
@@ -189,11 +191,11 @@ def levels(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
     laws = levels_twin.ON_A_GRID if way.grid else levels_twin.ON_A_LINE
     noise = size(rng, 0.3, 3.0)
     made = {name: laws[name](way, rng) for name in _some(rng, tuple(laws))}
-    hidden, change = _unlike(rng, made, way.left, noise)
+    hidden, change = _differing(rng, made, way.left, noise)
     read = way.sense[:, None] * rng.uniform(-60, 60, 2) + change
     unknown = bool(rng.random() < UNKNOWN_SHARE)
     if unknown:
-        read = read + _unlike(rng, {"": levels_twin.unknown(way, rng)}, way.left, noise)[1]
+        read = read + _differing(rng, {"": levels_twin.unknown(way, rng)}, way.left, noise)[1]
     return Drawn(way.data(read + noise * rng.standard_normal(read.shape)), None, hidden, unknown)
 
 
@@ -203,11 +205,11 @@ def rotarytest(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
     noise = size(rng, 0.2, 2.0)
     names = _some(rng, tuple(rotary_test_twin.causes_of(test)))
     made = {name: rotary_test_twin.cause(test, name, rng) for name in names}
-    hidden, change = _unlike(rng, made, test.left, noise)
+    hidden, change = _differing(rng, made, test.left, noise)
     unknown = bool(rng.random() < UNKNOWN_SHARE)
     if unknown:
         extra = {"": rotary_test_twin.unknown(test, rng)}
-        change = change + _unlike(rng, extra, test.left, noise)[1]
+        change = change + _differing(rng, extra, test.left, noise)[1]
     read = test.readings(rotary_test_twin.Hidden(random_errors(rng), {})) + change
     data = test.data(read + noise * rng.standard_normal(read.shape))
     return Drawn(data, test.setup(), hidden, unknown)

@@ -171,9 +171,17 @@ def visible(plan_name: str) -> tuple[str, ...]:
 
 
 def draw_effects(
-    rng: np.random.Generator, plan_name: str, count: int, rms_um: float, only: tuple[str, ...] = ()
+    rng: np.random.Generator,
+    plan_name: str,
+    count: int,
+    rms_um: float,
+    only: tuple[str, ...] = (),
+    alike: float = ALIKE,
 ) -> dict[str, dict[str, float]]:
-    """Effects that are not alike, each of this rms in the residuals of the plain model."""
+    """Effects of which no two are alike, each of this rms in the residuals of the plain model.
+
+    ``alike``: the correlation from which on two are.
+    """
     plan, setup, sizing, _ = ground(plan_name)
     while True:
         chosen = only or tuple(rng.choice(visible(plan_name), count, replace=False))
@@ -189,7 +197,7 @@ def draw_effects(
         ]
         unit = np.stack([x / np.linalg.norm(x) for x in left]) if left else np.zeros((0, 1))
         likeness: NDArray[np.float64] = np.abs(unit @ unit.T) - np.eye(len(left))
-        if np.all(likeness < ALIKE):
+        if np.all(likeness < alike):
             return hidden
 
 
