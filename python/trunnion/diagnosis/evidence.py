@@ -177,6 +177,9 @@ class Evidence:
             left = np.maximum(rss - gain, s.score.least)
             deviance = s.score.floor.deviance(left, c.dof)
             likely = np.exp((deviance[b - first] - deviance) / 2)
+            if c.positive.intersection(c.owner[list(blocks)].tolist()):
+                # what explains more than the values that were found has a cause of the wrong sign
+                likely = np.where(likely > 1.0, 0.0, likely)
             out -= 2 * math.log(max(float(np.mean(likely)), TINY))
         return out
 
