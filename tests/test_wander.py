@@ -120,6 +120,14 @@ def test_a_wander_of_one_axis_takes_no_cause_from_the_others(number: int, sign: 
     assert d.effects["log_delay"]["delay_ms"] == pytest.approx(1.5e-3, abs=5e-4)
 
 
+@pytest.mark.parametrize("number", range(len(WAVES)))
+def test_what_a_wander_hides_is_not_excluded(number: int) -> None:
+    """X may have causes of its own: slow ones, of which such readings say next to nothing."""
+    d = wandering(WAVES[number], number)
+    (found,) = [a.probability for a in d.evidence if a.causes == {"gain_c"}]
+    assert 0.75 < found < 0.97
+
+
 def test_a_sound_log_does_not_wander() -> None:
     commands = [twin.commanded(feed / 60) for feed in (1000, 3000)]
     actual = [twin.actual(c, twin.Cases(1))[0] for c in commands]

@@ -160,6 +160,8 @@ class Candidates:
         new.inflate(np.append(self.inflation, np.ones(len(new.owner) - len(self.owner))))
         new.ban(self._banned)
         new.dependent = self.dependent
+        more = np.ones(len(new.owner) - len(self.owner))
+        new.kept = np.append(self.kept * np.ones(len(self.owner)), more)
         return new
 
     def inflate(self, factor: Floats) -> None:

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import orth
 
 from trunnion.base.resolution import inflation
 from trunnion.base.units import Floats
 from trunnion.diagnosis.candidates import DEPENDENT_INCOMPLETE, Candidates
 from trunnion.diagnosis.fit import Fit, grid_values, variant_columns
+from trunnion.diagnosis.noise import Whitener
 
 if TYPE_CHECKING:
     from trunnion.diagnosis.case import Case
 
 RARE_LEVEL = 1e-12  # at which a rare effect is named
+TINY = 1e-300
 
 
 def candidates_of(case: Case) -> Candidates:
@@ -35,7 +39,30 @@ def candidates_of(case: Case) -> Candidates:
     if case.dependent:
         found.dependent = DEPENDENT_INCOMPLETE
     found.inflate(_inflation(case, found))
+    if isinstance(case.whiten, Whitener) and case.whiten.wandering:
+        found.kept = _beside_wander(case, case.whiten, found)
     return found
+
+
+def _beside_wander(case: Case, whiten: Whitener, c: Candidates) -> Floats:
+    """Of the squared columns of each block, mean, what the wander of some readings leaves (b,)."""
+    quiet, nuisance = whiten.without_wander(), case.plain.nuisance
+    beside = orth(np.asarray(quiet(case.model.jacobian(nuisance, {})))[case.rows])
+    wandering = case.rows[np.concatenate(case.wandering)]
+    out = np.ones(len(c.owner))
+    for j in np.unique(c.owner).tolist():
+        own = np.flatnonzero(c.owner == j)
+        places = [case.values[j][v] for v in c.variant[own].tolist()]
+        columns = partial(case.model.white_columns, nuisance, case.effects[j])
+        if not np.any(columns(places[:1], quiet)[0, wandering]):
+            continue
+        left = []
+        for white, basis in ((whiten, case.plain.basis), (quiet, beside)):
+            x = columns(places, white)[:, case.rows]
+            x = x - basis @ (basis.T @ x)
+            left.append(np.einsum("vnk,vnk->vk", x, x))
+        out[own] = np.mean(left[0] / np.maximum(left[1], TINY), axis=1)
+    return np.minimum(out, 1.0)
 
 
 def _inflation(case: Case, c: Candidates) -> Floats:

@@ -43,6 +43,7 @@ class InProcess(Candidates):
             left[blocks] = np.diagonal(lower, axis1=1, axis2=2).mean(axis=1)
             self.kept[blocks] = np.diagonal(gram, axis1=1, axis2=2).mean(axis=1)
             self._turns[k] = np.linalg.inv(lower).transpose(0, 2, 1)
+        self.kept = self.kept * c.kept
         self.stated = {
             j: std * float(left[self.owner == j].mean())
             for j, std in c.stated.items()

@@ -37,6 +37,7 @@ from trunnion.diagnosis.wander import (
 
 MAX_ORDER = 6
 MAX_STRUCTURE = 4  # terms of unexplained structure in a channel
+STATED_STRUCTURE = 1  # terms of it that are stated beside causes
 MAX_TRIED = 2  # terms tried at each step
 MEMORY_SIGMAS = 1.0  # by which an estimated memory of the noise is taken longer
 DEPENDENT, WANDERING = "dependent", "wandering"
@@ -98,6 +99,14 @@ class Whitener:
     filters: tuple[tuple[IntArray, Autoregression], ...]
     dependent: tuple[int, ...] = ()
     wandering: tuple[int, ...] = ()
+
+    def without_wander(self) -> "Whitener":
+        """Return the map where readings that wander have their white noise only."""
+        filters = list(self.filters)
+        for i in self.wandering:
+            rows, noise = filters[i]
+            filters[i] = rows, Autoregression(sizes=noise.sizes[-1:])
+        return replace(self, filters=tuple(filters), wandering=())
 
     def __call__(self, values: Array) -> Array:
         """Whiten each column; readings where all columns are zero stay so."""
@@ -197,15 +206,18 @@ def _noise(
     noise = fit_noise(y, q, segments)
     if noise.order:  # beside noise with a memory another place may fit best
         beside = _absorbed(y, channel, noise, segments)
-        if changing:
-            score = penalised(noise, y, beside, segments)
-        else:
-            noise, score = fit_noise_beside_structure(y, beside, segments, unnamed(channel))
-        below = score - price_of_wander(len(y))
-        if wander is not None and deviance(wander.noise, y, q, segments) < below:
-            slow = _wander(y, channel, segments, wander, below)
-            if slow is not None and not (changing and changes(slow[1])):
-                return slow[0], WANDERING
+        if wander is not None:
+            # Of structure beside it causes would be named for what cannot be stated.
+            stated = 0 if changing else STATED_STRUCTURE
+            terms = unnamed(channel) if stated else []
+            score = fit_noise_beside_structure(y, beside, segments, terms, stated)[1]
+            below = score - price_of_wander(len(y))
+            if deviance(wander.noise, y, q, segments) < below:
+                slow = _wander(y, channel, segments, wander, below)
+                if slow is not None and not (changing and changes(slow[1])):
+                    return slow[0], WANDERING
+        if not changing:
+            noise, _ = fit_noise_beside_structure(y, beside, segments, unnamed(channel))
     if changing:
         return _long_run_noise(series, q.shape[1]), DEPENDENT
     return noise, ""
@@ -295,7 +307,11 @@ def fit_noise(y: Array, q: Array, segments: Sequence[IntArray]) -> Autoregressio
 
 
 def fit_noise_beside_structure(
-    y: Array, q: Array, segments: Sequence[IntArray], terms: Sequence[Array]
+    y: Array,
+    q: Array,
+    segments: Sequence[IntArray],
+    terms: Sequence[Array],
+    most: int = MAX_STRUCTURE,
 ) -> tuple[Autoregression, float]:
     """Noise of y where unexplained structure may be beside q, a term at a time; its -2 ln L.
 
@@ -316,7 +332,7 @@ def fit_noise_beside_structure(
 
     best, noise = score(q)
     paid = 0.0
-    for _ in range(MAX_STRUCTURE):
+    for _ in range(most):
         if not noise.order:
             break
         residual = y - q @ (q.T @ y)

@@ -235,7 +235,7 @@ class Probabilities:
         for bit, searched in ((0, self.search), *beside):
             for mask, f in searched.known.items():
                 weight = self._weights.get(mask | bit, 0.0)
-                if weight > MIN_WEIGHT and (f.blocks or bit):
+                if weight > MIN_WEIGHT:
                     odds = self._odds_unseen(searched, f)
                     for j, own in odds.items():
                         yield mask | bit | 1 << j, weight * own
