@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from importlib.metadata import metadata
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ import yaml  # type: ignore[import-untyped]
 from cyclonedx.schema import SchemaVersion
 from cyclonedx.validation.json import JsonStrictValidator
 from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
 from typer.testing import CliRunner
 
 import bom
@@ -42,6 +44,15 @@ def test_the_lock_file_is_of_no_machine_and_has_what_is_needed() -> None:
     for text in (*PROJECT["dependencies"], *(t for ts in EXTRAS.values() for t in ts)):
         need = Requirement(text)
         assert need.name == "trunnion" or need.name.lower().replace("_", "-") in names, text
+
+
+def test_what_is_pinned_runs_on_the_lowest_python() -> None:
+    """Debian 12, where LinuxCNC runs, has Python 3.11.2: two pins of 3.11.5 stopped `make demo`."""
+    lowest = f"{PROJECT['requires-python'].removeprefix('>=')}.0"
+    for line in (ROOT / "requirements.lock").read_text().splitlines():
+        if "==" in line and not line.lstrip().startswith("#"):
+            needs = str(metadata(line.partition("==")[0]).json.get("requires_python", ""))
+            assert SpecifierSet(needs).contains(lowest), f"{line} wants Python {needs}"
 
 
 def test_the_recipe_says_what_the_package_says() -> None:
