@@ -118,16 +118,12 @@ def gained_by_chance(residuals: Floats, jacobian: Floats, more: Floats, step: Fl
     noise and place, whose noise is sought at all places (Laplace's method), and their readings.
     """
     left, off = _without(residuals, jacobian, step)
-    at, best, most, every = np.zeros(off.shape[1]), (left, 0.0), -np.inf, np.ones(len(left))
-    for noise in _noises(left, step, NOISES):
-        at, log, curvature = _top(left, off, step / 2, noise, every, at, NEAR)
-        information = off.T @ (curvature[:, None] * off) + WIDER**-2 * np.eye(len(at))
-        together = log - float(np.linalg.slogdet(information)[1]) / 2
-        if together > most:
-            best, most = (left - off @ at, noise), together
-    rng, (beside, noise), gained = np.random.default_rng(SEED), best, np.zeros(MACHINES)
+    noises, every = _noises(left, step, NOISES), np.ones(len(left))
+    top = _likeliest(left, off, step, every, noises, None, prior=WIDER**-2, settled=NEAR)
+    beside = left - off @ top.at
+    rng, gained = np.random.default_rng(SEED), np.zeros(MACHINES)
     for k in range(MACHINES):
-        read = step * np.round((noise * rng.standard_normal(len(left)) - beside) / step)
+        read = step * np.round((top.noise * rng.standard_normal(len(left)) - beside) / step)
         gained[k] = log_probability(left + read, more, step)
         gained[k] -= log_probability(left + read, jacobian, step)
     return 2.0 * float(np.mean(gained))
@@ -174,17 +170,37 @@ def place_of(
     seen = size > SAME * size.max(initial=0.0)
     off = jacobian[:, free] @ (axes[:, seen] * np.sqrt(size[seen]))
     largest = float(step.max())
-    known = [] if noise is None else [noise]
-    tried = [share * largest for share in NOISES if not known or share * largest > known[0]]
-    at, best, most = np.zeros(off.shape[1]), None, -np.inf
-    for s in (*tried, *known):
-        at, log, curvature = _top(residuals, off, step / 2, s, used, at)
-        information = np.eye(len(at)) + off.T @ (curvature[:, None] * off)
-        together = log - float(np.linalg.slogdet(information)[1]) / 2
-        if known or together > most:
-            best, most = Place(off, at, information, s), together
-    assert best is not None  # NOISES is not empty
+    tried = [share * largest for share in NOISES if noise is None or share * largest > noise]
+    best = _likeliest(residuals, off, step, used, tried, noise)
     return _normal(best, residuals, step / 2, used)
+
+
+def _likeliest(
+    residuals: Floats,
+    off: Floats,
+    step: Floats,
+    used: Floats,
+    tried: Sequence[float],
+    known: float | None,
+    *,
+    prior: float = 1.0,
+    settled: float = SETTLED,
+) -> Place:
+    """Likeliest place at the known noise, or at the likeliest of those that are tried.
+
+    That is the noise of which the readings are most probable whatever the place is (Laplace's
+    method). ``tried``: from where the top is easily found. ``prior``: inverse variance
+    of each length that is sought, beforehand.
+    """
+    at, best, most = np.zeros(off.shape[1]), None, -np.inf
+    for noise in (*tried, *([] if known is None else [known])):
+        at, log, curvature = _top(residuals, off, step / 2, noise, used, at, settled)
+        information = prior * np.eye(len(at)) + off.T @ (curvature[:, None] * off)
+        together = log - float(np.linalg.slogdet(information)[1]) / 2
+        if known is not None or together > most:
+            best, most = Place(off, at, information, noise), together
+    assert best is not None  # some noise is tried
+    return best
 
 
 def _normal(top: Place, residuals: Floats, half: Floats, used: Floats) -> Place:

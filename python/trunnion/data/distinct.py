@@ -98,7 +98,7 @@ def distinct_rows(data: Any) -> Distinct:
             stands_for = np.searchsorted(own, original)[stands_for]
             first = first[own]
     used = data[first] if len(first) < len(data) else data
-    if any(len(b) > 1 and _alike_in_steps(used, b) for b in _of_same_commands(used)):
+    if any(len(b) > 1 and _agree(used, b) for b in _of_same_commands(used)):  # no copies are left
         notes.append(ALL_ALIKE.format(_label(data)))
     return Distinct(data[first], first, stands_for, tuple(notes)) if notes else Distinct(data)
 
@@ -191,8 +191,7 @@ def _with_fewer_digits(data: Table) -> Integers:
     """Of each row of a run whose readings are those of others, rounded, that row; but for times.
 
     Repeats that are honest and scatter by half a step or more agree so in every second reading at
-    most.
-    Single readings end in zeros by chance.
+    most. Single readings end in zeros by chance.
     """
     rows, readings = np.arange(len(data)), data.readings
     if not readings or ("time_s" in data.columns and data.kinds["time_s"].required):
@@ -333,10 +332,10 @@ def _of_same_commands(data: Table) -> list[list[Integers]]:
 
 def _alike_in_steps(data: Table, blocks: Sequence[Integers]) -> bool:
     """Whether some blocks of the same commands are all alike, as honest repeats in steps may be."""
+    if not _agree(data, blocks):
+        return False
     one, chance = blocks[0], 1.0
     for name, values in data.readings.items():
-        if any(not np.array_equal(values[one], values[b]) for b in blocks[1:]):
-            return False
         off = values[one]
         if (commanded := name.replace("measured", "target")) != name:
             off = off - data.columns[commanded][one]
@@ -345,7 +344,14 @@ def _alike_in_steps(data: Table, blocks: Sequence[Integers]) -> bool:
             return False
         to_next = np.round(np.diff(off) / step) if step > 0 else np.zeros(len(one) - 1)
         chance *= 1.0 - float(np.mean(to_next[1:] * to_next[:-1] < 0)) if len(one) > 2 else 0.0
-    return bool(data.readings) and chance ** (len(one) * (len(blocks) - 1)) > ALIKE_LEVEL
+    return chance ** (len(one) * (len(blocks) - 1)) > ALIKE_LEVEL
+
+
+def _agree(data: Table, blocks: Sequence[Integers]) -> bool:
+    """Whether all readings of some blocks of the same commands are the same."""
+    one, readings = blocks[0], data.readings.values()
+    same = (np.array_equal(v[one], v[b]) for v in readings for b in blocks[1:])
+    return bool(readings) and all(same)
 
 
 def _first_alike(blocks: Sequence[NDArray[Any]]) -> list[int]:

@@ -32,14 +32,14 @@ NOT_TURNED = (
 
 
 def turn_doubts(data: Levels) -> tuple[str, ...]:
-    """Ask about rounds of readings that go with the first as if turned otherwise than stated."""
+    """Ask about a round of readings that goes with the first as if turned otherwise than stated."""
     places, index = data.stations
     rounds = _rounds(index)
     if len(places) < MIN_PLACES:
         return ()
     values = np.stack([np.asarray(data.columns[f"{c}_um_m"]) for c in data.components], axis=1)
     first = _of_round(rounds == 0, index, len(places))
-    step, said = max(displayed(column) for column in values.T), []
+    step = max(displayed(column) for column in values.T)
     for k in range(1, int(rounds.max(initial=0)) + 1):
         later = _of_round(rounds == k, index, len(places))
         both = (first >= 0) & (later >= 0)
@@ -53,8 +53,8 @@ def turn_doubts(data: Levels) -> tuple[str, ...]:
         least = freedom * (step**2 / 6.0 + EXACT**2)  # two readings that are rounded
         ratio = stated / max(otherwise, least)
         if ratio > MIN_RATIO and special.fdtrc(freedom, freedom, ratio) < MAX_CHANCE:
-            said.append((FORGOTTEN if turned[0] > 0 else NOT_TURNED).format(k + 1))
-    return tuple(said[:1])
+            return ((FORGOTTEN if turned[0] > 0 else NOT_TURNED).format(k + 1),)
+    return ()
 
 
 def _rounds(index: Integers) -> Integers:

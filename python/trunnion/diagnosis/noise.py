@@ -206,18 +206,17 @@ def _noise(
     noise = fit_noise(y, q, segments)
     if noise.order:  # beside noise with a memory another place may fit best
         beside = _absorbed(y, channel, noise, segments)
+        terms = [] if changing else unnamed(channel)
         if wander is not None:
-            # Of structure beside it causes would be named for what cannot be stated.
-            stated = 0 if changing else STATED_STRUCTURE
-            terms = unnamed(channel) if stated else []
-            score = fit_noise_beside_structure(y, beside, segments, terms, stated)[1]
+            # Of more structure than can be stated causes would be named for a part.
+            score = fit_noise_beside_structure(y, beside, segments, terms, STATED_STRUCTURE)[1]
             below = score - price_of_wander(len(y))
             if deviance(wander.noise, y, q, segments) < below:
                 slow = _wander(y, channel, segments, wander, below)
                 if slow is not None and not (changing and changes(slow[1])):
                     return slow[0], WANDERING
         if not changing:
-            noise, _ = fit_noise_beside_structure(y, beside, segments, unnamed(channel))
+            noise, _ = fit_noise_beside_structure(y, beside, segments, terms)
     if changing:
         return _long_run_noise(series, q.shape[1]), DEPENDENT
     return noise, ""
@@ -332,7 +331,7 @@ def fit_noise_beside_structure(
 
     best, noise = score(q)
     paid = 0.0
-    for _ in range(most):
+    for _ in range(most if terms else 0):
         if not noise.order:
             break
         residual = y - q @ (q.T @ y)

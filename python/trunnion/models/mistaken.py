@@ -89,7 +89,7 @@ def mistake_notes(
         said.append(f"[machine.errors] has {doubt}")
     if found.verdict == "unexplained" and isinstance(data, AxisLog):
         said += getattr(build(data, setup), "scale_doubts", ())
-    if found.verdict == "unexplained" and not isinstance(data, Touches | Positioning):
+    if found.verdict == "unexplained" and not isinstance(data, Positioning):
         left = found.gain.rms_before_um, found.gain.rms_after_um
         if cause := likely_better(data, setup, scatter_by(build), *left):
             said.append(f"What is not explained has a likely cause: {cause}")
