@@ -43,7 +43,7 @@ class Linearised:
 
         ``made``: all pieces of some of the other candidates, that need not be made again.
         """
-        self.model, self.nuisance, self.whiten = model, nuisance, whiten
+        self.model, self.nuisance, self.whiten, self.further = model, nuisance, whiten, further
         self.values = [grid_values(effect) for effect in model.effects]
         for j, place in further.items():
             free = [p.name for p in model.effects[j].parameters if not p.linear]
@@ -60,9 +60,10 @@ class Linearised:
         self._kept = sorted([*made, *self._make(fresh)], key=by_candidate) if few else None
 
     def with_places(self, further: Mapping[int, Values]) -> Linearised:
-        """Return the candidates, some of them at one place more."""
+        """Return the candidates, some of them at one place more, or at another one."""
         made = [(j, piece) for j, piece in self._kept or () if j not in further]
-        return Linearised(self.model, self.nuisance, self.whiten, further, made)
+        every = {**self.further, **further}
+        return Linearised(self.model, self.nuisance, self.whiten, every, made)
 
     def pieces(self) -> Iterable[Piece]:
         """Give the number of a candidate and some of its variants (v, n, k), in order."""
