@@ -43,7 +43,8 @@ class Linearised:
 
         ``made``: all pieces of some of the other candidates, that need not be made again.
         """
-        self.model, self.nuisance, self.whiten, self.further = model, nuisance, whiten, further
+        self.model, self.nuisance, self.whiten = model, nuisance, whiten
+        self.further = dict(further)
         self.values = [grid_values(effect) for effect in model.effects]
         for j, place in further.items():
             free = [p.name for p in model.effects[j].parameters if not p.linear]
