@@ -6,6 +6,7 @@
 //! `trunnion.diagnosis.selection`, where the search is.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use nalgebra::{DMatrix, SymmetricEigen};
 
@@ -56,8 +57,9 @@ pub struct Score {
 pub struct Set {
     /// Its blocks, in the order in which they came.
     pub blocks: Vec<usize>,
-    /// Inner products of its orthonormal basis with all columns, one row each.
-    pub taken: Vec<f64>,
+    /// Inner products of its orthonormal basis with all columns, one row each; sets that begin alike
+    /// have the same rows.
+    pub taken: Vec<Arc<[f64]>>,
     /// Inner products of all columns with what it leaves of the residuals.
     pub residual: Vec<f64>,
     /// What it leaves of each squared column.
@@ -109,26 +111,10 @@ impl Score {
 }
 
 impl Set {
-    /// The set without its basis.
-    fn without(&self) -> Self {
-        Self {
-            blocks: self.blocks.clone(),
-            taken: Vec::new(),
-            residual: self.residual.clone(),
-            free: self.free.clone(),
-            cross: self.cross.clone(),
-            rss: self.rss,
-            penalty: self.penalty,
-        }
-    }
-
     /// Count of the columns.
     #[must_use]
     pub const fn columns(&self) -> usize {
-        match self.residual.len() {
-            0 => 0,
-            width => self.taken.len() / width,
-        }
+        self.taken.len()
     }
 }
 
@@ -186,15 +172,14 @@ impl Blocks {
         }
         let mut left = products.to_vec();
         for (i, row) in left.chunks_exact_mut(m.max(1)).enumerate() {
-            for taken in set.taken.chunks_exact(m.max(1)) {
+            for taken in &set.taken {
                 let share = taken[start + i];
-                row.iter_mut().zip(taken).for_each(|(x, t)| *x -= share * t);
+                row.iter_mut().zip(taken.iter()).for_each(|(x, t)| *x -= share * t);
             }
         }
         let own = DMatrix::from_fn(k, k, |i, j| left[i * m + start + j]);
         let found = SymmetricEigen::new(own);
-        let mut new = Set { taken: Vec::with_capacity(set.taken.len() + k * m), ..set.without() };
-        new.taken.extend_from_slice(&set.taken);
+        let mut new = set.clone();
         let ways = found.eigenvalues.iter().zip(found.eigenvectors.column_iter());
         for (w, u) in ways.filter(|(w, _)| **w > self.dependent) {
             let mut row = vec![0.0; m];
@@ -211,7 +196,7 @@ impl Blocks {
             }
             self.take_pairs(&row, &mut new.cross);
             new.rss -= along * along;
-            new.taken.extend(row);
+            new.taken.push(row.into());
         }
         new.blocks.push(block);
         new.penalty += self.penalty[block];
@@ -356,6 +341,15 @@ impl Blocks {
                 continue;
             }
             let (rss, columns) = (set.rss - gain, size + new);
+            // At another place of the same cost a smaller gain is worth no more.
+            let as_dear = |known: &Tried| {
+                rss >= known.rss
+                    && columns == known.columns
+                    && self.penalty[block] >= self.penalty[known.block]
+            };
+            if best.as_ref().is_some_and(as_dear) {
+                continue;
+            }
             let value = score.of(rss, columns, set.penalty + self.penalty[block]);
             if value.is_finite() && best.is_none_or(|known| value < known.score) {
                 best = Some(Tried { score: value, set: number, block, rss, columns });
@@ -377,13 +371,21 @@ impl Blocks {
     /// Drop of the sum of squares by a block beside a set, and count of its new columns; `at`: where
     /// its numbers in [`Set::cross`] start.
     fn gain(&self, set: &Set, block: usize, at: usize) -> (f64, usize) {
-        let (start, k) = (self.start[block], self.rank[block]);
-        if k > WIDE {
-            return self.wide_gain(set, block);
+        match self.rank[block] {
+            ..=1 => self.narrow_gain::<1>(set, block, at),
+            2 => self.narrow_gain::<2>(set, block, at),
+            3..=4 => self.narrow_gain::<4>(set, block, at),
+            5..=WIDE => self.narrow_gain::<WIDE>(set, block, at),
+            _ => self.wide_gain(set, block),
         }
-        // Cholesky of the block's Gram matrix, dependent pivots left out.
-        let mut z = [0.0; WIDE];
-        let mut a = [[0.0; WIDE]; WIDE];
+    }
+
+    /// The same of a block of at most `N` columns: Cholesky of its Gram matrix, dependent pivots left
+    /// out.
+    fn narrow_gain<const N: usize>(&self, set: &Set, block: usize, at: usize) -> (f64, usize) {
+        let (start, k) = (self.start[block], self.rank[block].min(N));
+        let mut z = [0.0; N];
+        let mut a = [[0.0; N]; N];
         z[..k].copy_from_slice(&set.residual[start..start + k]);
         let mut rest = set.cross[at..].iter();
         for (i, row) in a.iter_mut().enumerate().take(k).skip(1) {
@@ -415,9 +417,8 @@ impl Blocks {
 
     /// The same of a block of many columns.
     fn wide_gain(&self, set: &Set, block: usize) -> (f64, usize) {
-        let (m, start, k) = (self.width, self.start[block], self.rank[block]);
-        let rows = set.columns();
-        let taken = DMatrix::from_fn(rows, k, |i, j| set.taken[i * m + start + j]);
+        let (start, k) = (self.start[block], self.rank[block]);
+        let taken = DMatrix::from_fn(set.columns(), k, |i, j| set.taken[i][start + j]);
         let left = DMatrix::identity(k, k) - taken.tr_mul(&taken);
         let found = SymmetricEigen::new(left);
         let (mut total, mut count) = (0.0, 0);
