@@ -14,6 +14,7 @@ import numpy as np
 from trunnion.base.rows import at_hand
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Flags, Floats, Integers
+from trunnion.diagnosis.of_some import Beside, OfSome
 
 # Relative size of a squared column below which it counts as dependent on the others (0.3 % of its
 # length). Exact dependencies of a perfect machine are broken in second order by the errors of the
@@ -102,7 +103,7 @@ class Family(Protocol):
 
 
 # a candidate, all of its variants or some (v, n, k)
-Piece: TypeAlias = tuple[int, Floats | Family]
+Piece: TypeAlias = tuple[int, Floats | OfSome | Family]
 
 
 @dataclass(frozen=True)
@@ -138,10 +139,21 @@ class Combined:
 
 
 def products(parts: Sequence[Floats | Part], r: Floats) -> Floats:
-    """Inner products of the columns of parts with residuals (n,) or (n, s): (M,) or (M, s)."""
+    """Inner products of the columns of parts with residuals (n,) or (n, s): (M,) or (M, s).
+
+    Parts beside a basis are beside the same one.
+    """
     arrays = iter(inners([x for x in parts if isinstance(x, np.ndarray)], r))
-    found = (next(arrays) if isinstance(x, np.ndarray) else x.times(r) for x in parts)
-    return np.concatenate(list(found))
+    basis = next((x.basis.T @ r for x in parts if isinstance(x, Beside)), None)
+    found = []
+    for x in parts:
+        if isinstance(x, np.ndarray):
+            found.append(next(arrays))
+        elif isinstance(x, Beside) and basis is not None:
+            found.append(x.along(r, basis))
+        else:
+            found.append(x.times(r))
+    return np.concatenate(found)
 
 
 def neighbours(part: Floats | Part, some: slice, k: int) -> Floats:
@@ -215,23 +227,26 @@ def lengths(columns: Floats) -> Floats:
 def batches(pieces: Iterable[Piece], apart: Collection[int] = ()) -> Iterator[list[Piece]]:
     """Pieces, so many at a time as have not too many numbers together; a family by itself.
 
-    ``apart``: candidates that go apart from the others.
+    Columns of the same readings go together. ``apart``: candidates that go apart from the others.
     """
     batch: list[Piece] = []
-    numbers = 0
+    numbers, kind = 0, None
     for piece in pieces:
-        if not isinstance(piece[1], np.ndarray):
+        columns = piece[1].own if isinstance(piece[1], OfSome) else piece[1]
+        if not isinstance(columns, np.ndarray):
             if batch:
                 yield batch
             yield [piece]
             batch, numbers = [], 0
             continue
-        if batch and (piece[0] in apart) != (batch[0][0] in apart):
+        at = piece[1].at.start if isinstance(piece[1], OfSome) else None
+        if batch and (piece[0] in apart, at) != kind:
             yield batch
             batch, numbers = [], 0
         batch.append(piece)
-        numbers += piece[1].size
-        if numbers >= batch_numbers(piece[1].shape[1]):
+        kind = piece[0] in apart, at
+        numbers += columns.size
+        if numbers >= batch_numbers(columns.shape[1]):
             yield batch
             batch, numbers = [], 0
     if batch:
@@ -244,14 +259,18 @@ def batch_numbers(n: int) -> int:
 
 
 def unit_blocks(
-    variants: Sequence[Floats | Family],
+    variants: Sequence[Floats | OfSome | Family],
     basis: Floats,
     kind: type[np.float32 | np.float64],
     shelf: Shelf,
 ) -> tuple[Integers, Integers]:
     """Put orthonormal columns of each block beside the basis on a shelf; their rank and start."""
-    if not isinstance(variants[0], np.ndarray):
-        part, rank, start = variants[0].orthonormal(basis, kind)
+    first = variants[0]
+    if isinstance(first, OfSome):
+        own = [v.own.transpose(0, 2, 1) for v in variants if isinstance(v, OfSome)]
+        return _orthonormal_blocks(own, basis, kind, shelf, first.at)
+    if not isinstance(first, np.ndarray):
+        part, rank, start = first.orthonormal(basis, kind)
         shelf.add(part)
         return rank, start
     arrays = [v.transpose(0, 2, 1) for v in variants if isinstance(v, np.ndarray)]
@@ -263,11 +282,13 @@ def _orthonormal_blocks(
     basis: Floats,
     kind: type[np.float32 | np.float64],
     shelf: Shelf,
+    at: slice | None = None,
 ) -> tuple[Integers, Integers]:
     """Orthonormalise the columns of each block beside the basis; drop what is dependent.
 
-    ``variants``: columns one a row, (v, k, n). Puts the columns, one a row, in precision ``kind``
-    on the shelf. Returns the rank of each block and where it starts.
+    ``variants``: columns one a row, (v, k, n), of the few readings ``at`` only, if given. Puts the
+    columns, one a row, in precision ``kind`` on the shelf. Returns the rank of each block and where
+    it starts.
     """
     width = np.repeat([v.shape[1] for v in variants], [len(v) for v in variants])
     rank = np.zeros(len(width), dtype=np.intp)
@@ -283,7 +304,9 @@ def _orthonormal_blocks(
     least = ROUNDING**2 * max(float(g.max(initial=0.0)) for g in grams.values())
     for k in sorted(same):
         filled = shelf.filled - before
-        if few:
+        if at is not None:
+            some = _orthonormal_of_some(same[k][0], grams[k], least, basis, at, shelf)
+        elif few:
             some = _orthonormal(same[k][0], grams[k], least, basis, kind, shelf)
         else:
             some = _orthonormal_of_many(same[k], grams[k], least, basis, kind, shelf)
@@ -325,6 +348,20 @@ def _orthonormal(
     for some in _at_hand(b * k, n):
         of_x = (weights @ x[:, :, some])[seen]
         np.subtract(of_x, of_basis @ basis[some].T, out=out[:, some])
+    return np.asarray(seen.sum(axis=1))
+
+
+def _orthonormal_of_some(
+    x: Floats, gram: Floats, least: float, basis: Floats, at: slice, shelf: Shelf
+) -> Integers:
+    """Return the same of rows that are of some readings: the basis is not taken out of the others.
+
+    They stay as they are, and their share in the basis beside them.
+    """
+    b, k, n = x.shape
+    taken = (x.reshape(-1, n) @ basis[at]).reshape(b, k, -1)
+    weights, of_basis, seen = orthonormal_weights(gram, taken, least)
+    shelf.add(Beside((weights @ x)[seen], at, basis, of_basis))
     return np.asarray(seen.sum(axis=1))
 
 

@@ -106,7 +106,7 @@ def _pieces(
             continue
         most = max(1, batch_numbers(n) // (n * len(effect.parameters)))
         for first in range(0, len(values[j]), most):
-            yield j, model.white_columns(nuisance, effect, values[j][first : first + most], whiten)
+            yield j, model.white_piece(nuisance, effect, values[j][first : first + most], whiten)
 
 
 def _apart(whiten: Whiten, spread: Spread) -> bool:

@@ -28,6 +28,7 @@ from trunnion.base.resolution import Coordinates, Grid
 from trunnion.base.statistics import RANK_TOLERANCE
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.effect import Effect, EffectValues, Values
+from trunnion.diagnosis.of_some import OfSome
 from trunnion.diagnosis.whitening import Correlated, Whiten, identity
 from trunnion.machine.budget import Input, Source
 from trunnion.machine.effects import Owner
@@ -370,6 +371,12 @@ class Model:
         """Return these whitened, (v, n, k)."""
         columns = self.linear_columns(nuisance, effect, values).transpose(2, 0, 1)
         return np.asarray(whiten(columns)).transpose(1, 0, 2)
+
+    def white_piece(
+        self, nuisance: Floats, effect: Effect, values: Sequence[Values], whiten: Whiten
+    ) -> Floats | OfSome:
+        """Return the same, or of the readings only that the effect changes."""
+        return self.white_columns(nuisance, effect, values, whiten)
 
     def whitener(self, residuals: Floats) -> Callable[[Floats], Floats]:  # noqa: ARG002
         """Linear map (n, ...) → (n, ...) after which the noise is white and of one size.

@@ -26,14 +26,17 @@ import numpy as np
 
 from trunnion.base.errors import InputError
 from trunnion.base.resolution import Grid
+from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.effect import Effect, EffectValues, Parameter, Values
 from trunnion.diagnosis.model import Covariate, Model, Nuisance, Uncertainty
+from trunnion.diagnosis.of_some import OfSome
 from trunnion.diagnosis.one_effect import OneEffect
 from trunnion.diagnosis.whitening import Whiten, Whiteners
 from trunnion.machine.effects import Owner
 from trunnion.models.agreement import APART, LEVEL, effects_apart, errors_apart
 from trunnion.models.parts import (
+    Acts,
     ExtendedJoint,
     Part,
     joined_components,
@@ -46,25 +49,6 @@ from trunnion.setup.names import shared_label
 UNIT_NAMES = {"µm": "um"}  # in names of parameters
 SAME_SIZE_MM = 0.5  # of instruments: nominal sizes that differ by less are one
 STANDARD = "without a standard it cannot be distinguished from the length of the instrument"
-
-
-@dataclass(frozen=True)
-class _Acts:
-    """How a joint effect acts on one part: as that part's own effect, times ``sign``."""
-
-    part: int
-    effect: Effect
-    sign: float
-
-    @cached_property
-    def signs(self) -> Floats:
-        """Of each parameter: places and times have none."""
-        return np.array([self.sign if p.linear else 1.0 for p in self.effect.parameters])
-
-    def values(self, joint: Mapping[str, float]) -> Values:
-        """Return the part's values for those of the joint effect."""
-        sizes = zip(self.effect.parameters, joint.values(), strict=True)
-        return Values({p.name: float(self.sign * v if p.linear else v) for p, v in sizes})
 
 
 @dataclass(frozen=True)
@@ -122,7 +106,7 @@ class JointModel(Model):
         self._index = index
 
     def _join_effects(self) -> None:
-        self._acts: dict[str, list[_Acts]] = {}
+        self._acts: dict[str, list[Acts]] = {}
         self._instruments: list[tuple[str, str, float, str]] = []  # kind, effect, size, id here
         self.alike = ""  # id of the scale of all axes together, if that is a candidate
         self._changes: dict[str, _Change] = {}
@@ -134,7 +118,7 @@ class JointModel(Model):
                 id_, sign = (self._instrument(part, own), 1.0) if known is None else known
                 if id_ in made and not _alike(made[id_], own):
                     id_, sign = f"{part.name}:{own.id}", 1.0
-                self._acts.setdefault(id_, []).append(_Acts(i, own, sign))
+                self._acts.setdefault(id_, []).append(Acts(i, own, sign))
                 if id_ not in made:
                     label = own.label or own.id.replace("_", " ")
                     label = shared_label(id_, label) if ":" not in id_ else f"{label} ({part.name})"
@@ -357,19 +341,35 @@ class JointModel(Model):
             return super().white_columns(nuisance, effect, values, whiten)
         count = sum(p.linear for p in effect.parameters)
         out = np.zeros((len(values), count, len(self.readings)))
+        for some, own in self._white_of_parts(nuisance, effect, values, whiten):
+            out[:, :, some] += own
+        return out.transpose(0, 2, 1)
+
+    def white_piece(
+        self, nuisance: Floats, effect: Effect, values: Sequence[Values], whiten: Whiten
+    ) -> Floats | OfSome:
+        """Return the same; what one part alone has, of its readings only."""
+        if isinstance(whiten, Whiteners) and len(self.readings) < MANY_ROWS:
+            some = list(self._white_of_parts(nuisance, effect, values, whiten))
+            if len(some) == 1:
+                return OfSome(some[0][1].transpose(0, 2, 1), some[0][0])
+        return self.white_columns(nuisance, effect, values, whiten)
+
+    def _white_of_parts(
+        self, nuisance: Floats, effect: Effect, values: Sequence[Values], whiten: Whiteners
+    ) -> Iterator[tuple[slice, Floats]]:
+        """White columns in each part that an effect changes: its readings, and theirs (v, k, m)."""
         own_of = {at.start: own for at, own in whiten.parts}
         for some, own in self._of_error(nuisance, effect):
-            out[:, 0, some] = own_of[some.start](own)
+            yield some, np.broadcast_to(own_of[some.start](own), (len(values), 1, len(own)))
         for acts in self._acting(effect):
-            part, some = self.parts[acts.part], self._at[acts.part]
+            part = self.parts[acts.part]
             at = nuisance[self._index[acts.part]]
             alike = acts.effect.parameters is effect.parameters  # columns do not hang on sizes
             places = values if alike else [acts.values(one) for one in values]
-            own = part.white_columns(at, acts.effect, places)
-            out[:, :, some] += own * acts.sign
-        return out.transpose(0, 2, 1)
+            yield self._at[acts.part], part.white_columns(at, acts.effect, places) * acts.sign
 
-    def _acting(self, effect: Effect) -> Iterator[_Acts]:
+    def _acting(self, effect: Effect) -> Iterator[Acts]:
         """How an effect, or the change of one, acts on each part that it concerns."""
         change = self._changes.get(effect.id)
         if change is None:

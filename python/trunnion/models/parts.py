@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -17,6 +18,25 @@ from trunnion.diagnosis.whitening import Scaled
 from trunnion.machine.estimate import Estimate
 
 MAX_KEPT = 8  # predictions of a part
+
+
+@dataclass(frozen=True)
+class Acts:
+    """How a joint effect acts on one part: as that part's own effect, times ``sign``."""
+
+    part: int
+    effect: Effect
+    sign: float
+
+    @cached_property
+    def signs(self) -> Floats:
+        """Of each parameter: places and times have none."""
+        return np.array([self.sign if p.linear else 1.0 for p in self.effect.parameters])
+
+    def values(self, joint: Mapping[str, float]) -> Values:
+        """Return the part's values for those of the joint effect."""
+        sizes = zip(self.effect.parameters, joint.values(), strict=True)
+        return Values({p.name: float(self.sign * v if p.linear else v) for p, v in sizes})
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,71 @@
+"""Columns that are zero but for some readings: causes of one of several measurements.
+
+What is always fitted may be shared by all readings, and is taken out of a column there, too. That
+is a combination of few columns for all causes: it is kept as such, and never made.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trunnion.base.units import Floats, Integers
+
+
+@dataclass(frozen=True, eq=False)
+class OfSome:
+    """Columns of variants that are zero in all readings but those ``at``, theirs: (v, m, k)."""
+
+    own: Floats
+    at: slice
+
+    def __len__(self) -> int:
+        """Count of the variants."""
+        return len(self.own)
+
+    def rows(self, some: Integers | slice) -> "OfSome":
+        """Return the same of some of the rows, in order, or of all."""
+        if isinstance(some, slice):
+            return self
+        first, last = np.searchsorted(some, [self.at.start, self.at.stop]).tolist()
+        return OfSome(self.own[:, some[first:last] - self.at.start], slice(first, last))
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """Columns of some readings, ``own`` (M, m), less their share ``of_basis`` (M, p) in a basis.
+
+    The basis is of all readings, (n, p), and so is what is left.
+    """
+
+    own: Floats
+    at: slice
+    basis: Floats
+    of_basis: Floats
+
+    def __len__(self) -> int:
+        return len(self.own)
+
+    def __getitem__(self, some: slice) -> Floats:
+        """Columns themselves, (k, n)."""
+        out = -(self.of_basis[some] @ self.basis.T)
+        out[:, self.at] += self.own[some]
+        return np.asarray(out)
+
+    def times(self, r: Floats) -> Floats:
+        """Inner products of the columns with residuals (n,) or (n, s)."""
+        return self.along(r, self.basis.T @ r)
+
+    def along(self, r: Floats, basis: Floats) -> Floats:
+        """Return the same; ``basis``: inner products of the basis with them."""
+        return np.asarray(self.own @ r[self.at] - self.of_basis @ basis)
+
+    def inner(self, some: slice, others: slice) -> Floats:
+        """Inner products of some columns with others, (k, l)."""
+        shared = self.of_basis[some] @ self.of_basis[others].T
+        return np.asarray(self.own[some] @ self.own[others].T - shared)
+
+    def neighbours(self, some: slice, k: int) -> Floats:
+        """Inner products of each k of some columns with the next k, (b - 1, k, k)."""
+        own, shared = (x[some].reshape(-1, k, x.shape[1]) for x in (self.own, self.of_basis))
+        found = own[:-1] @ own[1:].transpose(0, 2, 1)
+        return np.asarray(found - shared[:-1] @ shared[1:].transpose(0, 2, 1))

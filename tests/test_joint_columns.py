@@ -1,0 +1,53 @@
+"""Causes of one of several measurements are kept by its readings, and are what they were."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from positioning_twin import axis
+from trunnion.diagnosis.candidates import Candidates
+from trunnion.diagnosis.columns import Piece
+from trunnion.diagnosis.of_some import OfSome
+from trunnion.diagnosis.plain import case_of
+from trunnion.models.joint import JointModel
+from trunnion.models.kinds import model_of
+
+
+def test_columns_of_some_readings_multiply_as_whole_ones() -> None:
+    rng = np.random.default_rng(41)
+    n, at = 60, slice(20, 45)
+    basis = np.linalg.qr(rng.normal(size=(n, 4)))[0]
+    whole = np.zeros((3, n, 2))
+    whole[:, at] = rng.normal(size=(3, 25, 2))
+    other = rng.normal(size=(1, n, 1))
+    some: list[Piece] = [(0, other), (1, OfSome(whole[:, at], at))]
+    dense: list[Piece] = [(0, other), (1, whole)]
+    kept, full = (Candidates.of_pieces(x, 2, 7 * n, basis) for x in (some, dense))
+    r = rng.normal(size=(n, 3))
+    assert np.allclose(kept.gains(r), full.gains(r), rtol=1e-12)
+    assert np.allclose(kept.places, full.places, rtol=1e-12)
+    for block in range(len(full.owner)):
+        assert np.allclose(kept.columns(block), full.columns(block), atol=1e-12)
+        assert np.allclose(kept.gram_rows(block), full.gram_rows(block), atol=1e-12)
+    fewer = np.flatnonzero(np.arange(n) % 3 > 0)
+    part = OfSome(whole[:, at], at).rows(fewer)
+    back = np.zeros((3, len(fewer), 2))
+    back[:, part.at] = part.own
+    assert np.array_equal(back, whole[:, fewer])
+
+
+def test_a_joint_model_gives_what_acts_in_one_part_by_its_readings() -> None:
+    rng = np.random.default_rng(42)
+    runs = [axis(rng).with_columns(axis=[letter] * 110) for letter in "XY"]
+    model = model_of(runs)
+    assert isinstance(model, JointModel)
+    case = case_of(model)
+    pieces = dict(case.linearised.pieces())
+    kept = [piece for piece in pieces.values() if isinstance(piece, OfSome)]
+    assert len(kept) == len(model.effects)  # of two axes nothing is shared
+    for j, piece in pieces.items():
+        values, start = case.values[j], case.plain.nuisance
+        whole = model.white_columns(start, model.effects[j], values, case.whiten)
+        assert isinstance(piece, OfSome)
+        assert np.array_equal(whole[:, piece.at], piece.own)
+        assert np.count_nonzero(whole) == np.count_nonzero(piece.own)
