@@ -37,7 +37,7 @@ from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scatter import Scatter
 from trunnion.diagnosis.structure import left_open, structure_of, with_structure
 from trunnion.diagnosis.unnoticed import Others, is_small, names_of, too_little, unnoticed_of
-from trunnion.diagnosis.whitening import correlated
+from trunnion.diagnosis.whitening import Whiten, correlated
 from trunnion.machine.budget import MODEL, Source, of_readings, root
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import bias_in_words, combined, named_combination
@@ -67,6 +67,7 @@ class Left:
     parameters: Count of those of the named causes.
     unexplained: Structure that no cause makes, in words.
     linearised: The candidates at the plain fit of all readings.
+    whiten: What made the noise of all readings white; None: some are left out, or it is not known.
     exact: Whether they have no noise.
     assumed: Variance of a white reading that the causes of exact ones were searched with.
     """
@@ -78,6 +79,7 @@ class Left:
     parameters: int
     unexplained: str | None
     linearised: Linearised | None = None
+    whiten: Whiten | None = None
     exact: bool = False
     assumed: float = 0.0
 
@@ -106,6 +108,7 @@ def left_of(case: Case, e: Explanation, dropped: Integers) -> Left:
         sum(len(values) for values in named.effects.values()),
         unexplained,
         case.linearised,
+        None if len(dropped) else case.whiten,
         exact=e.assumed > 0 or kept.exact(f),
         assumed=e.assumed,
     )

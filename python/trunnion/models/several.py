@@ -9,16 +9,17 @@ from typing import Any
 import numpy as np
 
 from trunnion.base.resolution import Floor, Grid, Known
-from trunnion.base.units import Integers
+from trunnion.base.units import Floats, Integers
 from trunnion.data.mistaken import size_notes
 from trunnion.data.times import time_notes
 from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.processes import share_of_noise
 from trunnion.diagnosis.report import Left
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scatter import Directions
 from trunnion.diagnosis.steps import grid_of, weights_of, white_beside, white_rounding
-from trunnion.diagnosis.whitening import Scaled, identity
+from trunnion.diagnosis.whitening import Scaled, Scaling, Whiten, identity
 from trunnion.files.table import Table
 from trunnion.models.joint import JointModel
 from trunnion.models.parts import Part
@@ -95,11 +96,11 @@ class Measured:
         of_row = found.rows if self.distinct is None else self.distinct[found.rows]
         kept = ~np.isin(of_row, self.alone.outliers)
         before, after, n = found.before[kept], found.after[kept], int(np.sum(kept))
-        whiten = model.whitener(before)
         parameters = found.parameters + len(model.nuisance)
         dof = max(n - parameters, 1)
         jacobian = model.jacobian(model.start, {})
         grid = grid_of(model, before, n - len(model.nuisance), jacobian)
+        whiten = self._whiten(model, before, grid)
         floor = Floor(0.0 if grid is None else white_rounding(grid, whiten))
         share = 1.0
         if not found.exact:
@@ -125,6 +126,13 @@ class Measured:
         scale = np.full(n, float(grid.step.max()))
         grid = replace(grid, known=Known(np.full(n, quiet), scale, rounding / variance))
         return white, grid, share
+
+    def _whiten(self, model: Model, before: Floats, grid: Grid | None) -> Whiten:
+        """Return what a model makes of what it leaves: that of its own diagnosis, if it may."""
+        known = self.alone.whiten if model is self.model else None
+        # without steps a scaling is the model's
+        made = isinstance(known, Whitener) or (isinstance(known, Scaling) and grid is None)
+        return known if made and known is not None else model.whitener(before)
 
 
 def joint_model(
