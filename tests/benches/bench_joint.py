@@ -1,7 +1,8 @@
 """Time of a joint diagnosis over that of its measurements one by one, processor time, one thread.
 
-Run by ``make bench-joint``. Measurements are those of `power.random_cases`: causes drawn at random,
-none to three of each measurement, one unknown in an eighth.
+Run by ``make bench-joint``. Measurements are those of one machine (`power.one_machine`): what they
+share acts in all of them. ``--apart`` draws each measurement's machine by itself instead, with none
+to three causes (`power.random_cases`): what they say then contradicts, and nobody measures so.
 """
 
 import argparse
@@ -18,6 +19,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import trunnion as tn
+from power.one_machine import drawn
 from power.random_cases import draw
 
 JOINT: tuple[tuple[str, ...], ...] = (
@@ -45,8 +47,8 @@ JOINT: tuple[tuple[str, ...], ...] = (
 APART = 1000  # numbers between the cases of a joint one
 
 
-def measured(kinds: tuple[str, ...], number: int, seed: int) -> tuple[list[Any], Any]:
-    """Draw a measurement of each kind, and the set-up of all."""
+def apart(kinds: tuple[str, ...], number: int, seed: int) -> tuple[list[Any], Any]:
+    """Draw a measurement of each kind, each of a machine of its own, and the set-up of all."""
     numbers = [number + (0 if kind == "axislog" else APART * i) for i, kind in enumerate(kinds)]
     drawn = [draw(kind, n, seed) for kind, n in zip(kinds, numbers, strict=True)]
     setups = {kind: one.setup for kind, one in zip(kinds, drawn, strict=True) if one.setup}
@@ -70,24 +72,28 @@ def main() -> None:
     """Print each case, and the median of all."""
     ask = argparse.ArgumentParser(description=__doc__)
     ask.add_argument("--cases", type=int, default=2, help="of each combination of kinds")
-    ask.add_argument("--rounds", type=int, default=3, help="of which the quickest counts")
+    ask.add_argument("--rounds", type=int, default=1, help="of which the quickest counts")
+    ask.add_argument("--apart", action="store_true", help="a machine for each measurement")
     ask.add_argument("--seed", type=int, default=5)
     given = ask.parse_args()
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         if os.environ.get(name) != "1":
             ask.error(f"{name}: got {os.environ.get(name)}, expected 1 (make bench-joint)")
     print(f"{'measurements':44} {'one by one':>10} {'together':>10}   ratio")
-    ratios = []
+    ratios, spent = [], [0.0, 0.0]
+    measured = apart if given.apart else drawn
     for kinds in JOINT:
         for number in range(given.cases):
             data, setup = measured(kinds, number, given.seed)
             alone = sum(least(partial(tn.diagnose, one, setup), given.rounds) for one in data)
             together = least(partial(tn.diagnose, data, setup), given.rounds)
             ratios.append(together / alone)
+            spent = [spent[0] + alone, spent[1] + together]
             said = f"{alone * 1e3:7.0f} ms {together * 1e3:7.0f} ms {ratios[-1]:7.2f}"
             print(f"{', '.join(kinds):44} {said}", flush=True)
     median, worst = statistics.median(ratios), max(ratios)
     print(f"{'median of all, largest':44} {median:29.2f} {worst:.2f}")
+    print(f"{'sum of all':44} {spent[1] / spent[0]:29.2f}")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,292 @@
+"""Several measurements of one machine, drawn at random: what they share acts in all of them.
+
+None to three causes that kinds share (scale, squareness, backlash); of each kind none or one of its
+own, the same on every date of it. Placements and noise are each measurement's own. In one of eight
+measurements an error is hidden that is no cause of the catalogue.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import ballbar_study
+import positioning_twin
+import trunnion as tn
+import turning_blind
+from power.further import moved
+from power.measured_twin import POINT_EFFECTS, SWEEP_EFFECTS, make_points, make_sweep
+from power.random_cases import COUNTS, HYBRID, LEFT, UNKNOWN_SHARE, axislog, size
+from power.study import draw_effects, draw_unknown, ground
+from twin.forward import Truth
+from twin.generator import measure, random_errors, random_placement
+
+Rng = np.random.Generator
+Floats = NDArray[np.float64]
+Effects = dict[str, dict[str, float]]
+
+SHARED = {"scale": ("ppm", 10.0), "squareness": ("arcsec", 2.0), "backlash": ("b_um", 1.0)}
+"""What kinds share: the parameter, and how much of it makes about 1 µm in 100 mm."""
+SHARED_UM = (1.0, 8.0)
+SEEN_BY = {  # axes of which a kind sees each of them
+    "touches": {"scale": "xyz", "squareness": "xyz", "backlash": "xyz"},
+    "points": {"scale": "xy", "squareness": "xy"},
+    "ballbar": {"scale": "xy", "squareness": "xy", "backlash": "xy"},
+    "positioning": {"scale": "x", "backlash": "x"},
+}
+TWO_OF = {"xyz": ("xy", "xz", "yz"), "xy": ("xy",)}
+OWN_SHARE = 0.5
+BAR_NOISE_UM, HYBRID_NOISE_UM = 0.3, 0.5
+NEARLY_NONE_UM = 1e-6
+BALLBAR_OWN = tuple(
+    name for name in ballbar_study.CARTESIAN if name not in {"scale", "squareness", "backlash"}
+)
+POSITIONING_OWN = ("cycle_drift", "curve", "drift", "warmup", "periodic", "reversal_of_position")
+
+
+@dataclass(frozen=True)
+class Machine:
+    """What is true of a machine, and the seed of what is a kind's own."""
+
+    errors: dict[str, float]
+    shared: Effects
+    seed: int
+
+    def own(self, kind: str) -> Rng:
+        """Generator of what each date of a kind has in common."""
+        return np.random.default_rng([self.seed, *kind.encode()])
+
+
+def drawn(kinds: Sequence[str], number: int, seed: int) -> tuple[list[Any], Any]:
+    """Draw a machine and measure it by each kind, several of a kind one after the other."""
+    rng = np.random.default_rng([seed, number, *",".join(kinds).encode()])
+    machine = Machine(random_errors(rng), _shared(rng, kinds), int(rng.integers(1 << 31)))
+    made = {k: iter(MEASURED[k](machine, rng, kinds.count(k))) for k in dict.fromkeys(kinds)}
+    data = [next(made[kind]) for kind in kinds]
+    tables = [one for one, _ in data]
+    setup: Any = next((given for _, given in data if given is not None), None)
+    if "axislog" in kinds:
+        servo = next(
+            given.servo for (_, given), k in zip(data, kinds, strict=True) if k == "axislog"
+        )
+        setup = replace(setup, servo=servo)
+    return tables, setup
+
+
+def _shared(rng: Rng, kinds: Sequence[str]) -> Effects:
+    """Draw causes that some kinds share."""
+    names: set[str] = set()
+    for what, axes in (one for kind in kinds for one in SEEN_BY.get(kind, {}).items()):
+        of = TWO_OF[axes] if what == "squareness" else tuple(axes)
+        names |= {f"{what}_{one}" for one in of}
+    if "axislog" in kinds:  # logs come from a servo without it
+        names = {name for name in names if not name.startswith("backlash")}
+    count = min(int(rng.choice(len(COUNTS), p=COUNTS)), len(names))
+    out: Effects = {}
+    for name in rng.choice(sorted(names), count, replace=False) if count else ():
+        unit, factor = SHARED[str(name).partition("_")[0]]
+        value = float(rng.choice([-1.0, 1.0])) * size(rng, *SHARED_UM) * factor
+        out[str(name)] = {unit: value}
+    return out
+
+
+def _one(rng: Rng, names: Sequence[str]) -> tuple[str, ...]:
+    return (str(rng.choice(names)),) if rng.random() < OWN_SHARE else ()
+
+
+def _hides(rng: Rng) -> bool:
+    return bool(rng.random() < UNKNOWN_SHARE)
+
+
+def _touches(machine: Machine, rng: Rng, count: int) -> list[tuple[Any, Any]]:
+    own = machine.own("touches")
+    name = str(own.choice(["paper", "rich"]))
+    plan, setup, _, read = ground(name)
+    noise = size(own, 0.1, 2.0)
+    rms = noise * (size(own, 0.7, 7.0) if name == "paper" else size(own, 0.3, 3.0))
+    effects = draw_effects(own, name, 1, rms) if own.random() < OWN_SHARE else {}
+    out = []
+    for _ in range(count):
+        extra = draw_unknown(rng, name, rms) if _hides(rng) else None
+        truth = Truth(
+            errors=machine.errors,
+            placement=random_placement(rng),
+            effects={**effects, **machine.shared},
+        )
+        made = measure(
+            plan,
+            setup,
+            truth,
+            noise_um=noise,
+            tick_um=0.1,
+            unknown=extra,
+            seed=int(rng.integers(1 << 31)),
+        )
+        out.append((tn.Touches(made.columns), read))
+    return out
+
+
+def _points(machine: Machine, rng: Rng, count: int) -> list[tuple[Any, Any]]:
+    own = machine.own("points")
+    shared = ("scale", "squareness", "field")
+    names = [name for name in POINT_EFFECTS if not name.startswith(shared)]
+    hidden = _one(own, names)
+    left = [size(own, *LEFT) for _ in hidden]
+    made = make_points(int(own.integers(1 << 31)), hidden, groups=count, left=left).columns
+    per_date = len(made["x_mm"]) // count
+    out = []
+    for date in range(count):
+        some = slice(date * per_date, (date + 1) * per_date)
+        columns = {k: np.array(v[some]) for k, v in made.items() if k != "group"}
+        place = np.column_stack(
+            [columns["nominal_x_mm"], columns["nominal_y_mm"], 0 * columns["x_mm"]]
+        )
+        off = moved(place, np.zeros_like(place), machine.shared)
+        if _hides(rng):  # one after the other is off, and back again
+            turns = rng.uniform(1.5, 4) * np.arange(per_date) / per_date
+            wave = np.sin(2 * np.pi * turns + rng.uniform(0, 6.28))
+            off[:, 1] += 2e-3 * size(rng, 0.5, 4.0) * wave
+        columns |= {f"{a}_mm": columns[f"{a}_mm"] + off[:, i] for i, a in enumerate("xy")}
+        out.append((tn.Points(**columns), None))
+    return out
+
+
+def _sweep(machine: Machine, rng: Rng, count: int) -> list[tuple[Any, Any]]:
+    """Three targets each."""
+    own = machine.own("sweep")
+    hidden = tuple(
+        map(str, own.choice(SWEEP_EFFECTS, int(own.choice(len(COUNTS), p=COUNTS)), replace=False))
+    )
+    seed, large = int(own.integers(1 << 31)), size(own, 0.7, 7.0) / NEARLY_NONE_UM
+    made = make_sweep(seed, hidden, large, noise_um=NEARLY_NONE_UM).columns
+    out = []
+    for _ in range(count):
+        columns = dict(made)
+        for a in "xyz":
+            columns[f"{a}_mm"] = made[f"{a}_mm"] + 1e-3 * rng.standard_normal(len(made["x_mm"]))
+        if _hides(rng):  # a sharp dip at one position
+            far = (columns["angle_deg"] - columns["angle_deg"].mean()) / rng.uniform(8, 15)
+            columns["z_mm"] = columns["z_mm"] + 4e-3 * size(rng, 0.5, 4.0) * np.exp(-(far**2))
+        out.append((tn.Sweep(**columns), None))
+    return out
+
+
+def _diameters(machine: Machine, rng: Rng, count: int) -> list[tuple[Any, Any]]:  # noqa: ARG001
+    """One measurement, of two or three passes."""
+    own = machine.own("diameters")
+    hidden = tuple(
+        map(
+            str,
+            own.choice(
+                tuple(turning_blind.LAWS), int(own.choice(len(COUNTS), p=COUNTS)), replace=False
+            ),
+        )
+    )
+    unknown = _hides(own)
+    data, setup = turning_blind.measured(
+        int(own.integers(1 << 31)),
+        hidden,
+        int(own.integers(2, 4)),
+        left=[size(own, *LEFT) for _ in range(len(hidden) + unknown)],
+        unknown=unknown,
+    )
+    return [(data, setup)]
+
+
+def _bars(exact: Any, rng: Rng, noise_um: float, more: Floats | float = 0.0) -> Any:
+    """Read the lengths of a recording without noise, and ``more``, mm."""
+    lengths = np.asarray(exact["length_mm"]) + more
+    return exact.with_columns(
+        length_mm=lengths + 1e-3 * noise_um * rng.standard_normal(len(lengths))
+    )
+
+
+def _ballbar(machine: Machine, rng: Rng, count: int) -> list[tuple[Any, Any]]:
+    own = machine.own("ballbar")
+    hidden, seed = _one(own, BALLBAR_OWN), int(own.integers(1 << 31))
+    left = [size(own, *LEFT) * BAR_NOISE_UM / NEARLY_NONE_UM for _ in hidden]
+    out = []
+    for _ in range(count):
+        odd = [size(rng, *LEFT) * BAR_NOISE_UM / NEARLY_NONE_UM] if _hides(rng) else []
+        kinds = [*hidden, *(["unknown"] if odd else [])]
+        exact, _ = ballbar_study.cartesian_cases(
+            kinds, seed, sigma_um=NEARLY_NONE_UM, left=[*left, *odd]
+        )
+        out.append((_bars(exact, rng, BAR_NOISE_UM, _along_bar(exact, machine.shared)), None))
+    return out
+
+
+def _along_bar(data: Any, shared: Effects) -> Floats:
+    """What the machine's errors change in the lengths of a recording, mm."""
+    x, y = np.asarray(data["x_mm"]), np.asarray(data["y_mm"])
+    place = np.column_stack([x, y, np.asarray(data["z_mm"]) if "z_mm" in data.columns else 0 * x])
+    fitted = np.column_stack([place, np.ones(len(x))])
+    centre = np.linalg.lstsq(fitted, np.sum(place**2, axis=1), rcond=None)[0][:3] / 2
+    centre = np.where(np.ptp(place, axis=0) > 0, centre, place[0])
+    sense, begins = np.asarray(data["sense"]), np.asarray(data["time_s"])
+    late = np.flatnonzero(
+        (np.diff(sense) != 0) | (np.diff(begins) > 10 * np.median(np.diff(begins)))
+    )
+    step = np.zeros_like(place)
+    for run in np.split(np.arange(len(x)), late + 1):
+        step[run] = np.sign(np.round(np.gradient(place[run], axis=0), 9))
+    ways = (place - centre) / np.linalg.norm(place - centre, axis=1)[:, None]
+    return np.asarray(np.sum(ways * moved(place, step, shared), axis=1))
+
+
+def _hybrid(machine: Machine, rng: Rng, count: int) -> list[tuple[Any, Any]]:
+    own = machine.own("hybrid ballbar")
+    hidden = tuple(
+        map(str, own.choice(HYBRID, int(own.choice(len(COUNTS), p=COUNTS)), replace=False))
+    )
+    seed = int(own.integers(1 << 31))
+    usual = ballbar_study.hybrid_left(hidden, seed)
+    shares = {name: size(own, *LEFT) / usual[name] for name in hidden}
+    exact = ballbar_study.hybrid_cases(shares, seed, sigma_um=0.0)
+    return [(_bars(exact, rng, HYBRID_NOISE_UM), None) for _ in range(count)]
+
+
+def _positioning(machine: Machine, rng: Rng, count: int) -> list[tuple[Any, Any]]:
+    """Stops of X."""
+    own = machine.own("positioning")
+    hidden, seed, large = (
+        _one(own, POSITIONING_OWN),
+        int(own.integers(1 << 31)),
+        size(own, 0.5, 3.0),
+    )
+    out = []
+    for _ in range(count):
+        data = positioning_twin.axis(
+            rng, targets=int(rng.choice([11, 15])), cycles=int(rng.integers(3, 6))
+        )
+        place, sense = np.zeros((2, len(data), 3))
+        place[:, 0], sense[:, 0] = data.target, data.direction
+        off = 1e3 * moved(place, sense, machine.shared)[:, 0]
+        for name in hidden:
+            off += large * positioning_twin.HIDDEN[name](data, np.random.default_rng(seed))
+        if _hides(rng):
+            off += size(rng, 0.5, 3.0) * positioning_twin.HIDDEN["unknown"](data, rng)
+        measured = data.measured + 1e-3 * off
+        out.append((data.with_columns(measured_mm=measured, axis=["X"] * len(data)), None))
+    return out
+
+
+def _axislog(machine: Machine, rng: Rng, count: int) -> list[tuple[Any, Any]]:  # noqa: ARG001
+    one = axislog(rng, machine.seed % 1_000_000)
+    return [(one.data, one.setup)]
+
+
+MEASURED = {
+    "touches": _touches,
+    "points": _points,
+    "sweep": _sweep,
+    "diameters": _diameters,
+    "ballbar": _ballbar,
+    "hybrid ballbar": _hybrid,
+    "positioning": _positioning,
+    "axislog": _axislog,
+}
