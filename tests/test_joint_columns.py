@@ -29,6 +29,8 @@ def test_columns_of_some_readings_multiply_as_whole_ones() -> None:
     for block in range(len(full.owner)):
         assert np.allclose(kept.columns(block), full.columns(block), atol=1e-12)
         assert np.allclose(kept.gram_rows(block), full.gram_rows(block), atol=1e-12)
+    blocks = list(range(len(full.owner)))
+    assert np.allclose(kept.gram(blocks), full.gram(blocks), atol=1e-12)
     fewer = np.flatnonzero(np.arange(n) % 3 > 0)
     part = OfSome(whole[:, at], at).rows(fewer)
     back = np.zeros((3, len(fewer), 2))

@@ -26,6 +26,7 @@ from trunnion.diagnosis.columns import (
     inner,
     neighbours,
     products,
+    products_among,
     squared_products,
     storage,
     unit_blocks,
@@ -297,8 +298,7 @@ class Candidates:
     def gram(self, blocks: Sequence[int]) -> Floats:
         """Inner products of the columns of blocks with each other, (K, K)."""
         if len(self._basis) < MANY_ROWS:
-            columns = np.concatenate([self.columns(b) for b in blocks]).astype(np.float64)
-            return np.asarray(columns @ columns.T)
+            return products_among([self._place(b) for b in blocks])
         self.prepare(blocks)
         every = np.concatenate([np.arange(self.width)[self.span(b)] for b in blocks])
         return np.concatenate([self._gram_rows[b][:, every] for b in blocks])

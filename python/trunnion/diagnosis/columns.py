@@ -4,6 +4,7 @@ Columns are rows of arrays here. Of many readings those of candidates with a gri
 precision, and the sums in double.
 """
 
+import itertools
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -154,6 +155,39 @@ def products(parts: Sequence[Floats | Part], r: Floats) -> Floats:
         else:
             found.append(x.times(r))
     return np.concatenate(found)
+
+
+def products_among(places: Sequence[tuple[Floats | Part, slice]]) -> Floats:
+    """Inner products of columns with each other (K, K): some of each of these parts."""
+    if not any(isinstance(part, Beside) for part, _ in places):
+        columns = np.concatenate([part[some] for part, some in places]).astype(np.float64)
+        return np.asarray(columns @ columns.T)
+    basis = next(part.basis for part, _ in places if isinstance(part, Beside))
+    # those of the same readings together, by the first of these and their count
+    of: dict[tuple[int, int], list[tuple[Integers, Floats]]] = {}
+    shared: list[Floats] = []
+    width = 0
+    for part, some in places:
+        place = np.arange(width, width + some.stop - some.start)
+        width += len(place)
+        if isinstance(part, Beside):
+            first, own, share = part.at.start, part.own[some], part.of_basis[some]
+        else:
+            first, own, share = 0, part[some], np.zeros((len(place), basis.shape[1]))
+        shared.append(share)
+        of.setdefault((first, own.shape[1]), []).append((place, own))
+    both = np.concatenate(shared)
+    out = np.asarray(-(both @ both.T))
+    joined = [
+        (first, np.concatenate([at for at, _ in x]), np.concatenate([own for _, own in x]))
+        for (first, _), x in of.items()
+    ]
+    for (first, mine, x), (other, theirs, y) in itertools.product(joined, repeat=2):
+        start, stop = max(first, other), min(first + x.shape[1], other + y.shape[1])
+        if start < stop:
+            own = x[:, start - first : stop - first] @ y[:, start - other : stop - other].T
+            out[np.ix_(mine, theirs)] += own
+    return out
 
 
 def neighbours(part: Floats | Part, some: slice, k: int) -> Floats:
