@@ -1,6 +1,7 @@
 """Unexplained structure widens the errors that it stands for."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,6 +9,8 @@ from numpy.typing import NDArray
 
 import trunnion as tn
 from power.study import ground
+from trunnion.diagnosis import structure
+from trunnion.diagnosis.fit import fit
 from twin.forward import Truth
 from twin.generator import measure, random_errors, random_placement
 
@@ -51,6 +54,29 @@ def test_a_curve_of_time_without_a_cause_is_in_the_standard_errors(curve: str, p
     assert d.model.std_errors["EX0C"] == d.errors_std["EX0C"]
     assert "Mostly what the unexplained structure leaves open: EX0C ± " in d.summary()
     assert "model selection" in d.budget(("EX0C",)).to_json()
+
+
+def test_structure_is_fitted_beside_causes_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """When idle causes are sought; the report takes that fit."""
+    fitted: list[tuple[str, ...]] = []
+
+    def counted(*given: Any) -> Any:
+        fitted.append(tuple(sorted(effect.id for effect in given[2])))
+        return fit(*given)
+
+    monkeypatch.setattr(structure, "fit", counted)
+    rng = np.random.default_rng(13)
+    effects = {"scale_x": {"ppm": 400.0}}
+    truth = Truth(errors=random_errors(rng), placement=random_placement(rng), effects=effects)
+    made, twin, _, setup = ground("rich")
+    columns = measure(made, twin, truth, noise_um=0.3, seed=13).columns
+    turn = np.radians(columns["c_deg"])
+    for axis in "xyz":
+        columns[f"{axis}_mm"] = columns[f"{axis}_mm"] + 4e-3 * np.sin(5 * turn) * columns[f"dir_{axis}"]
+    d = tn.diagnose(tn.Touches(columns), setup)
+    assert d.structure is not None
+    assert d.causes
+    assert len(fitted) == len(set(fitted)) > 0
 
 
 def test_a_cause_of_the_catalogue_leaves_nothing_open() -> None:

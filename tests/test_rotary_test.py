@@ -69,6 +69,28 @@ def test_many_rows_have_the_derivatives_of_few(monkeypatch: pytest.MonkeyPatch) 
     np.testing.assert_allclose(expected[:, 0], (ahead - behind).ravel() / 2, atol=1e-9)
 
 
+def test_stops_that_are_gone_to_again_are_worked_out_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """To the last bit; each ball has stops of its own."""
+    plan = tn.plan_rotary_test(SETUP, BALL, TURNS)
+    other = tn.plan_rotary_test(SETUP, (BALL[0], -BALL[1], BALL[2]), TURNS)
+    rng = np.random.default_rng(4)
+    columns = {k: np.concatenate([v, other.columns[k]]) for k, v in plan.columns.items()}
+    columns["ball"] = np.repeat(["one", "two"], len(plan))
+    rows = rng.integers(0, 2 * len(plan), 400)
+    again = tn.RotaryTest({k: v[rows] for k, v in columns.items()})
+    measured = {name: rng.normal(0.0, 5.0, 400) for name in ("dx_um", "dy_um", "dz_um")}
+    places = {"one": BALL, "two": (BALL[0], -BALL[1], BALL[2])}
+    made = again.with_columns(**measured)
+    plainly = RotaryReadings.of(made, SETUP, places)
+    monkeypatch.setattr(rotary_readings, "MANY_ROWS", 1000)
+    at_stops = RotaryReadings.of(made, SETUP, places)
+    x = plainly.start + rng.normal(0.0, 10.0, len(plainly.start))
+    assert at_stops._stops is not None
+    assert len(at_stops._stops[0].data) == 2 * len(plan)
+    assert np.array_equal(at_stops.modelled(x), plainly.modelled(x))
+    assert np.array_equal(at_stops.jacobian(x), plainly.jacobian(x))
+
+
 def test_an_r_test_gives_the_errors_and_the_place_of_the_ball() -> None:
     plan = tn.plan_rotary_test(SETUP, BALL, TURNS)
     there = (BALL[0] + 0.31, BALL[1] - 0.12, BALL[2] + 0.05)

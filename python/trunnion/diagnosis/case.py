@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from scipy import special
@@ -34,9 +34,12 @@ from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.nearer import nearer
 from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.records import rms
-from trunnion.diagnosis.scan import Dictionary
+from trunnion.diagnosis.scan import Dictionary, Term
 from trunnion.diagnosis.steps import weights_of
 from trunnion.diagnosis.whitening import Scaling, Whiten, Whiteners, correlated, identity
+
+if TYPE_CHECKING:
+    from trunnion.diagnosis.formula import FormulaEffect
 
 EXACT = 1e-12  # of the largest reading: rounding
 SINGULAR = 1e-8  # of a correlation matrix of estimates
@@ -271,6 +274,11 @@ class Case:
 
     @cached_property
     def _sizes(self) -> dict[tuple[Fit, Sizes], Floats]:
+        return {}
+
+    @cached_property
+    def structures(self) -> "dict[tuple[Term, Fit], tuple[Case, Fit, FormulaEffect] | None]":
+        """Fits with a term of structure beside another fit (:mod:`.structure`)."""
         return {}
 
     def cross_validated(self, f: Fit) -> Floats:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trunnion.base.rotation import wave_rows
-from trunnion.base.rows import at_hand, where
+from trunnion.base.rows import ROWS_AT_HAND, at_hand, where
 from trunnion.base.statistics import in_columns
 from trunnion.base.units import Floats, Integers, unit_of
 from trunnion.diagnosis.classes import Spread
@@ -171,6 +171,14 @@ class Effect:
             out.append((rise - np.asarray(self.change(self.values(down)))) / (2 * step))
         return np.stack(out, axis=-1)
 
+    def put_linear(self, values: NamedValues, out: Floats) -> None:
+        """Put the columns of the linear parameters, one a row, into an array (k, n)."""
+        if isinstance(self.jacobian, _Waves):
+            self.jacobian.put(values, out)
+            return
+        linear = [i for i, p in enumerate(self.parameters) if p.linear]
+        np.take(self.columns(values).T, linear, axis=0, out=out, mode="clip")
+
 
 # --- builders
 
@@ -229,7 +237,7 @@ def periodic(
     """
     parameters = (Parameter(f"a_{unit}"), Parameter(f"b_{unit}"), period)
     waves = _Waves.of(parameters, parts)
-    return Effect(id_, parameters, waves.change, waves.jacobian, label, **more)
+    return Effect(id_, parameters, waves.change, waves, label, **more)
 
 
 def gridded(
@@ -286,7 +294,11 @@ class _Fixed:
 
 @dataclass(frozen=True, eq=False)
 class _Waves:
-    """A wave over positions, entering ``count`` readings with weights; parts: which, s, weights."""
+    """A wave over positions, entering ``count`` readings with weights; parts: which, s, weights.
+
+    Called it is its Jacobian, of which it puts rows by a and b, or these and the period, into an
+    array.
+    """
 
     names: tuple[str, ...]
     count: int
@@ -299,15 +311,25 @@ class _Waves:
         return cls(tuple(p.name for p in named), len(parts[0][0]), tuple(kept))
 
     def change(self, values: NamedValues) -> Floats:
-        return np.asarray(self.jacobian(values)[:, :2] @ [values[name] for name in self.names[:2]])
+        rows = np.empty((2, self.count))
+        self.put(values, rows)
+        return np.asarray(rows.T @ [values[name] for name in self.names[:2]])
 
-    def jacobian(self, values: NamedValues) -> Floats:
-        a, b, period = (values[name] for name in self.names)
+    def __call__(self, values: NamedValues) -> Floats:
         out = np.zeros((3, self.count))
+        self.put(values, out)
+        return out.T
+
+    def put(self, values: NamedValues, out: Floats) -> None:
+        a, b, period = (values[name] for name in self.names)
+        room = np.empty((3, min(self.count, ROWS_AT_HAND)))
         for number, (own, place, enters) in enumerate(self.parts):
+            if number == 0 and len(place) < self.count:
+                out[:] = 0.0
             waves = out[:, own]
             for some in at_hand(len(place)):
-                rows = wave_rows(place[some], period, a, b)
+                s = place[some]
+                rows = wave_rows(s, period, a, b, room[:, : len(s)])[: len(out)]
                 if number == 0:
                     np.multiply(rows, enters[some], out=waves[: len(rows), some])
                     continue
@@ -315,7 +337,6 @@ class _Waves:
                 waves[: len(rows), some] += rows
             if not isinstance(own, slice):
                 out[:, own] = waves
-        return out.T
 
 
 def _acting(enters: Floats) -> slice | Integers:

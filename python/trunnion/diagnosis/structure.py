@@ -158,11 +158,25 @@ def with_structure(
     ``kept``: without the outliers. Beside a model that is not complete structure is stated only,
     and so is structure that the data do not distinguish from the causes: it would take their place
     (a drift by order of measurement, a backlash where the direction turns once), and with which
-    readings are predicted worse from others.
+    readings are predicted worse from others. Kept by the case, by term and fit.
     """
     if not terms or kept.dependent:
         return kept, f, None
-    source = FormulaEffect.of_term(terms[0][0], kept.model)
+    key = terms[0][0], f
+    if key not in kept.structures:
+        kept.structures[key] = _with_term(kept, *key)
+    if (fitted := kept.structures[key]) is None:
+        return kept, f, None
+    fitted[0].given = kept.given  # may be known since
+    return fitted
+
+
+def _with_term(kept: Case, term: Term, f: Fit) -> tuple[Case, Fit, FormulaEffect] | None:
+    """Fit the causes with a term of structure: the case with it among the effects, the fit.
+
+    None: it is not to be fitted.
+    """
+    source = FormulaEffect.of_term(term, kept.model)
     model = model_with(kept.model, source)
     added = model.effect(source.id)
     start = added.values(0.0 if p.linear else source.number for p in added.parameters)
@@ -172,12 +186,12 @@ def with_structure(
         every = [*effects, added]
         found = fit(model, kept.rows, every, f.nuisance, values, kept.whiten, f.judged)
     except DataError:
-        return kept, f, None
+        return None
     if found.rss >= f.rss or found.dof < 1 or not _distinguished(f, found):
-        return kept, f, None
+        return None
     whole = replace(kept, model=model)
     if not better(model, kept.rows, kept.cross_validated(f), whole.cross_validated(found)):
-        return kept, f, None
+        return None
     return whole, found, source
 
 

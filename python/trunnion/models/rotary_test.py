@@ -16,7 +16,7 @@ import numpy as np
 
 from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
-from trunnion.base.rows import repeats
+from trunnion.base.rows import equal_rows, repeats
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import ARCSEC, Floats, Integers
 from trunnion.data.rotary_test import RotaryTest
@@ -219,8 +219,8 @@ class _Catalogue:
         self._errors = chain.named_errors(None)
         self._axes = known.axes
         # Runs go to the same positions again: what only hangs on these is worked out once in each.
-        self._stops, at_stop = np.unique(known.axes, axis=0, return_inverse=True)
-        self._at_stop = at_stop.reshape(-1)
+        self._at_stop, first = equal_rows(list(known.axes.T))
+        self._stops = known.axes[first]
         self._relation = known.relation(known.start)
         apart = known.apart_um(known.start, self._relation)
         self._bar = None

@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike
 import trunnion._core as _core
 from trunnion.base.checks import point
 from trunnion.base.errors import DataError, InputError
-from trunnion.base.statistics import RANK_TOLERANCE, in_columns
+from trunnion.base.rows import equal_rows
+from trunnion.base.statistics import MANY_ROWS, RANK_TOLERANCE, in_columns
 from trunnion.base.units import Floats, Integers
 from trunnion.data.rotary_test import READINGS, RotaryTest
 from trunnion.machine.chain import Chain
@@ -257,6 +258,9 @@ class RotaryReadings:
     def modelled(self, x: Floats, machine: _core.Machine | None = None) -> Floats:
         """Readings of these unknowns, (n, 3) or (n, 1); ``machine``: as of `apart_um`."""
         machine = machine or self.machine(x)
+        if self._stops is not None:
+            there, stop = self._stops
+            return np.asarray(there.modelled(x, machine)[stop])
         if len(self._parts) > 1:
             return np.concatenate([part.modelled(x, machine) for _, part in self._parts])
         apart = self.apart_um(x, machine=machine)
@@ -274,15 +278,11 @@ class RotaryReadings:
 
         What moves the ball across a bar changes its length in second order: no information.
         """
-        found = in_columns(np.zeros((self.measured.size, len(x))))
-        squares = np.zeros(len(x))
         steps = (STEP * np.isin(np.arange(len(x)), some) for some in self._together)
         beside = [(y, self.machine(y)) for d in steps for y in (x + d, x - d)]
-        for rows, part in self._parts:
-            each = slice(*(self.measured.shape[1] * row for row in (rows.start, rows.stop)))
-            part.differenced(beside, found[each])
-            squares += np.sum(found[each] ** 2, axis=0)
-        found[:, np.sqrt(squares / len(found)) < RANK_TOLERANCE] = 0.0
+        found = self._differenced(beside)
+        size = np.sqrt(np.einsum("ij,ij->j", found, found) / len(found))
+        found[:, size < RANK_TOLERANCE] = 0.0
         return found
 
     @cached_property
@@ -293,11 +293,23 @@ class RotaryReadings:
         alone = [[k] for k in (*range(first), *range(after, len(self.names)))]
         return [*alone, *(list(range(first + k, after, 3)) for k in range(3))]
 
-    def differenced(self, beside: Sequence[tuple[Floats, _core.Machine]], out: Floats) -> None:
-        """Put the derivative by central differences into an array of zeros, (readings, unknowns).
+    def _differenced(self, beside: Sequence[tuple[Floats, _core.Machine]]) -> Floats:
+        """Return the derivative by central differences, (readings, unknowns).
 
         beside: Unknowns a step more and a step less of those of `_together`, with their machines.
         """
+        each = self.measured.shape[1]
+        if self._stops is not None:
+            there, stop = self._stops
+            readings = (each * stop[:, None] + np.arange(each)).ravel()
+            return np.take(there._differenced(beside).T, readings, axis=1).T
+        found = in_columns(np.zeros((self.measured.size, len(self.names))))
+        for rows, part in self._parts:
+            part._difference(beside, found[each * rows.start : each * rows.stop])
+        return found
+
+    def _difference(self, beside: Sequence[tuple[Floats, _core.Machine]], out: Floats) -> None:
+        """Put the same into an array of zeros."""
         changed = (self.modelled(x, machine).ravel() for x, machine in beside)
         ball = np.repeat(self.index, len(out) // len(self.data))
         for some, more, less in zip(self._together, changed, changed, strict=True):
@@ -306,17 +318,32 @@ class RotaryReadings:
                 np.copyto(out[:, k], change, where=len(some) == 1 or ball == number)
 
     @cached_property
+    def _stops(self) -> tuple[RotaryReadings, Integers] | None:
+        """Readings at the different stops, and the stop of each; None: hardly fewer, or few.
+
+        Runs go to the same positions again: what the machine does there is worked out once.
+        """
+        if self.measured.size < MANY_ROWS:
+            return None
+        stop, first = equal_rows([*self.axes.T, self.index])
+        if 2 * len(first) > len(stop):
+            return None
+        return self._of(first), stop
+
+    @cached_property
     def _parts(self) -> list[tuple[slice, RotaryReadings]]:
         """Some rows at a time, which a processor's cache holds with all that is made of them."""
         n, made = len(self.data), []
         for first in range(0, n, ROWS_AT_ONCE):
             rows = slice(first, min(first + ROWS_AT_ONCE, n))
-            part = self
-            if n > ROWS_AT_ONCE:
-                part = replace(self, data=self.data[rows], index=self.index[rows])
-                vars(part).update(chain=self.chain, names=self.names)
-            made.append((rows, part))
+            made.append((rows, self._of(rows) if n > ROWS_AT_ONCE else self))
         return made
+
+    def _of(self, rows: slice | Integers) -> RotaryReadings:
+        """Some of the readings, at stops of their own."""
+        part = replace(self, data=self.data[rows], index=self.index[rows])
+        vars(part).update(chain=self.chain, names=self.names, _stops=None)
+        return part
 
 
 def _stated(ball_mm: ArrayLike | Mapping[str | int, ArrayLike], names: list[str]) -> Floats:
