@@ -72,7 +72,8 @@ def test_structure_is_fitted_beside_causes_once(monkeypatch: pytest.MonkeyPatch)
     columns = measure(made, twin, truth, noise_um=0.3, seed=13).columns
     turn = np.radians(columns["c_deg"])
     for axis in "xyz":
-        columns[f"{axis}_mm"] = columns[f"{axis}_mm"] + 4e-3 * np.sin(5 * turn) * columns[f"dir_{axis}"]
+        along = columns[f"dir_{axis}"] * np.sin(5 * turn)
+        columns[f"{axis}_mm"] = columns[f"{axis}_mm"] + 4e-3 * along
     d = tn.diagnose(tn.Touches(columns), setup)
     assert d.structure is not None
     assert d.causes

@@ -206,12 +206,14 @@ def _with_fewer_digits(data: Table) -> Integers:
             for name, v in data.columns.items()
             if name != "time_s"
         }
-        given = [v for name, v in rounded.items() if name not in readings]
-        again = _among(coarse, given)[coarse] >= 0
         of = _among(coarse, list(rounded.values()))
         copied = int(np.sum(of[coarse] >= 0))
+        if copied < MIN_COPIED:
+            continue
+        given = [v for name, v in rounded.items() if name not in readings]
+        again = _among(coarse, given)[coarse] >= 0
         chance = OFTEN ** len(readings)
-        if copied >= MIN_COPIED and bdtrc(copied - 1, again.sum(), chance) <= MAX_CHANCE:
+        if bdtrc(copied - 1, again.sum(), chance) <= MAX_CHANCE:
             return np.where(of >= 0, of, rows)
     return rows
 
@@ -227,21 +229,26 @@ def _in_runs(some: Flags) -> Flags:
 
 def _digits(values: Floats) -> Integers:
     """Digits after the decimal point of each value, `MAX_DIGITS` + 1 of one that has more."""
-    digits = np.full(len(values), MAX_DIGITS + 1)
-    for count in range(MAX_DIGITS, -1, -1):
-        scaled = values * 10.0**count
-        digits[np.abs(scaled - np.round(scaled)) < WHOLE] = count
-    return digits
+    scaled = np.multiply.outer([10.0**count for count in range(MAX_DIGITS + 1)], values)
+    whole = np.abs(scaled - np.round(scaled)) < WHOLE
+    return np.where(whole.any(axis=0), np.argmax(whole, axis=0), MAX_DIGITS + 1)
 
 
 def _among(some: Flags, columns: Sequence[NDArray[Any]]) -> Integers:
     """Of each row of ``some`` the first of the others that is as it is in every column, else -1."""
-    codes = [np.unique(v, return_inverse=True)[1].reshape(-1) for v in columns]
-    label = equal_rows(codes)[0] if codes else np.zeros(len(some), dtype=np.intp)
+    label = equal_rows(_numbers(columns))[0] if columns else np.zeros(len(some), dtype=np.intp)
     first = np.full(len(label), -1)
     others = np.flatnonzero(~some)[::-1]
     first[label[others]] = others
     return np.where(some, first[label], -1)
+
+
+def _numbers(columns: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
+    """Columns as numbers that are the same where they are: text as codes."""
+    return [
+        v if v.dtype.kind in "fi" else np.unique(v, return_inverse=True)[1].reshape(-1)
+        for v in columns
+    ]
 
 
 def _first_equal(columns: Sequence[NDArray[Any]]) -> Integers:
@@ -269,7 +276,7 @@ def _by_chance(data: Table, original: Integers, but: str = "") -> bool:
     given = [data.columns[name] for name in known if name not in readings]
     if not readings or not given:
         return False
-    command, first = equal_rows([np.unique(v, return_inverse=True)[1].reshape(-1) for v in given])
+    command, first = equal_rows(_numbers(given))
     again = rows != first[command]
     alike = again & (original != rows)
     if np.array_equal(again, alike):
@@ -302,7 +309,7 @@ def _without_copies(data: Table) -> Integers:
     """Of each row that of the first block of one label that is its block but for label and time."""
     rows = np.arange(len(data))
     for same in _of_same_commands(data):
-        if _alike_in_steps(data, same):
+        if len(same) < 2 or _alike_in_steps(data, same):
             continue
         own = [np.stack([v[b] for v in data.readings.values()] or [0 * b]) for b in same]
         for block, first in zip(same, _first_alike(own), strict=True):

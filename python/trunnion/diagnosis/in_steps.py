@@ -114,7 +114,10 @@ def _priced(s: Search) -> list[tuple[float, Blocks]]:
 
 def _gains(s: Search) -> Floats:
     """What each block alone explains of the squared residuals, shape (b,)."""
-    return np.array([float(np.sum(s.residual[s.c.span(b)] ** 2)) for b in range(len(s.owner))])
+    gain = np.zeros(len(s.owner))
+    for _, blocks, columns in s.c.by_rank:
+        gain[blocks] = np.sum(s.residual[columns] ** 2, axis=1)
+    return gain
 
 
 class _Columns:
