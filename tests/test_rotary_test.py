@@ -79,7 +79,10 @@ def test_stops_that_are_gone_to_again_are_worked_out_once(monkeypatch: pytest.Mo
     rows = rng.integers(0, 2 * len(plan), 400)
     again = tn.RotaryTest({k: v[rows] for k, v in columns.items()})
     measured = {name: rng.normal(0.0, 5.0, 400) for name in ("dx_um", "dy_um", "dz_um")}
-    places = {"one": BALL, "two": (BALL[0], -BALL[1], BALL[2])}
+    places: dict[str | int, tuple[float, float, float]] = {
+        "one": BALL,
+        "two": (BALL[0], -BALL[1], BALL[2]),
+    }
     made = again.with_columns(**measured)
     plainly = RotaryReadings.of(made, SETUP, places)
     monkeypatch.setattr(rotary_readings, "MANY_ROWS", 1000)

@@ -302,7 +302,7 @@ class RotaryReadings:
         if self._stops is not None:
             there, stop = self._stops
             readings = (each * stop[:, None] + np.arange(each)).ravel()
-            return np.take(there._differenced(beside).T, readings, axis=1).T
+            return np.asarray(np.take(there._differenced(beside).T, readings, axis=1).T)
         found = in_columns(np.zeros((self.measured.size, len(self.names))))
         for rows, part in self._parts:
             part._difference(beside, found[each * rows.start : each * rows.stop])
