@@ -83,6 +83,10 @@ power-ballbar: build  ## the same for ball-bar tests of hybrid and three-axis ma
 power-coverage: build  ## do uncertainties of location errors hold: 2,000 cases, half an hour, into docs/results/power-coverage.md
 	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.coverage --plan paper --seed 31 --out ../docs/results/power-coverage.md
 
+.PHONY: power-warming
+power-warming: build  ## the same beside warm-ups of shapes that the catalogue does not have, ten minutes, into docs/results/power-warming.md
+	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.warming --runs 12 --seed 31 --out ../docs/results/power-warming.md
+
 .PHONY: power-ticks
 power-ticks: build  ## the same for readings on a servo's grid, half an hour, into docs/results/power-ticks.md
 	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.ticks --out ../docs/results/power-ticks.md

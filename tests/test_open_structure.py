@@ -52,7 +52,8 @@ def test_a_curve_of_time_without_a_cause_is_in_the_standard_errors(curve: str, p
         return
     assert 1.0 < d.errors_std["EX0C"] < 20.0
     assert d.model.std_errors["EX0C"] == d.errors_std["EX0C"]
-    assert "Mostly what the unexplained structure leaves open: EX0C ± " in d.summary()
+    # of the structure, or of a drift that is named beside it
+    assert any("leaves open: EX0C ± " in note for note in d.notes)
     assert "model selection" in d.budget(("EX0C",)).to_json()
 
 
@@ -78,15 +79,3 @@ def test_structure_is_fitted_beside_causes_once(monkeypatch: pytest.MonkeyPatch)
     assert d.structure is not None
     assert d.causes
     assert len(fitted) == len(set(fitted)) > 0
-
-
-def test_a_cause_of_the_catalogue_leaves_nothing_open() -> None:
-    rng = np.random.default_rng(13)
-    effects = {"drift_x": {"rate_um_h": 20.0}}
-    truth = Truth(errors=random_errors(rng), placement=random_placement(rng), effects=effects)
-    made, twin, _, setup = ground("rich")
-    d = tn.diagnose(tn.Touches(measure(made, twin, truth, noise_um=0.3, seed=13).columns), setup)
-    fit = tn.identify(d.data, setup, effects=("drift_x",))
-    assert d.verdict == "explained"
-    assert d.errors_std["EX0C"] == pytest.approx(fit.std_errors["EX0C"], rel=1e-3)
-    assert not any("structure" in note for note in d.notes)

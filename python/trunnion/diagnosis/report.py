@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from trunnion.base.report import uncertainty
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case, kept_rows
@@ -21,8 +20,6 @@ from trunnion.diagnosis.linearised import Linearised
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.moments import moment_errors
 from trunnion.diagnosis.records import (
-    MAX_WORST,
-    MIN_DOUBT,
     Alternative,
     Cause,
     Gain,
@@ -35,10 +32,11 @@ from trunnion.diagnosis.records import (
 from trunnion.diagnosis.remaining import remaining
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scatter import Scatter
-from trunnion.diagnosis.structure import left_open, structure_of, with_structure
+from trunnion.diagnosis.shape_in_time import notes_of_shape, shape_in_doubt
+from trunnion.diagnosis.structure import left_open, notes_of_structure, structure_of, with_structure
 from trunnion.diagnosis.unnoticed import Others, is_small, names_of, too_little, unnoticed_of
 from trunnion.diagnosis.whitening import Whiten, correlated
-from trunnion.machine.budget import MODEL, Source, of_readings, root
+from trunnion.machine.budget import MODEL, SHAPE, Source, of_readings, root
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import bias_in_words, combined, named_combination
 from trunnion.machine.stated import Stated, conditioned, contradiction
@@ -121,8 +119,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     """
     e = with_behind(e)
     model, f, alternatives = case.model, e.fit, _alternatives(case, e)
-    rows = np.flatnonzero(kept_rows(len(model.readings), dropped))
-    kept = case.without(dropped)
+    rows, kept = np.flatnonzero(kept_rows(len(model.readings), dropped)), case.without(dropped)
     plain = kept.plain
     unexplained = remaining(kept, f, e.terms) or _unexplained(e)
     f = f if alternatives else plain
@@ -135,9 +132,10 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     growth = kept.growth(f, variance, as_read=True)
     of_sets = Doubt.of(kept, f, alternatives, variance, growth)
     open_ = left_open(kept, e, f, source, variance)
+    shape = shape_in_doubt(kept, f, model.effects, variance)
     doubt = of_sets.beside(open_)
     grown = replace(f, covariance=f.covariance * np.outer(growth, growth))
-    wide = replace(f, covariance=doubt.covariance)
+    wide = replace(f, covariance=doubt.covariance + shape)
     sigma = _sigma(model, variance, gain, len(rows) / max(f.dof, 1))
     std = _errors_std(model, wide, 1.0)
     doubts, rivals = _doubts(model, of_sets, alternatives, std)
@@ -146,8 +144,8 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     others = Others.of(kept, grown, variance) if std or is_small(kept) else None
     weak = unnoticed_of(kept, grown, std, others)
     contributions, ladder = contributions_of(kept, case.given or plain, grown, rows)
-    known = _uncertainty(kept, f, doubt, sigma, variance)
-    notes = (*_notes(case, variance, sigma), *_notes_of_causes(kept, f, variance))
+    known = _uncertainty(kept, f, doubt, shape, sigma, variance)
+    in_doubt = (*notes_of_structure(model, open_, std), *notes_of_shape(model, f, shape, std))
     return Diagnosis(
         verdict=verdict,
         causes=_causes(case, e, grown, variance, wide, alternatives),
@@ -173,7 +171,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         residuals=_residuals(kept.model, case.given or case.plain, f, left, rows),
         reservation=model.reservation,
         too_little=too_little(kept, others),
-        notes=(*_notes_of_structure(model, open_, std), *notes),
+        notes=(*in_doubt, *_notes(case, variance, sigma), *_notes_of_causes(kept, f, variance)),
         contributions=contributions,
         ladder=ladder,
         none_probability=e.probabilities.none,
@@ -225,19 +223,6 @@ def _notes_of_causes(case: Case, f: Fit, variance: float) -> tuple[str, ...]:
         against = contradiction(name, f.effects[effect][parameter], std[k], one)
         said += [] if against is None else [against]
     return tuple(said)
-
-
-def _notes_of_structure(model: Model, left: Floats, std: Mapping[str, float]) -> tuple[str, ...]:
-    """Say of which errors of the machine unexplained structure is most of the uncertainty."""
-    shares = {
-        x.name: size / std[x.name]
-        for x, size in zip(model.nuisance, np.sqrt(np.diag(left)).tolist(), strict=False)
-        if size and np.isfinite(std.get(x.name, np.inf))
-    }
-    worst = [k for k in sorted(shares, key=lambda k: -shares[k]) if shares[k] > MIN_DOUBT]
-    units = {x.name: x.unit for x in model.nuisance}
-    said = ", ".join(f"{k} ± {with_unit(uncertainty(std[k]), units[k])}" for k in worst[:MAX_WORST])
-    return (f"Mostly what the unexplained structure leaves open: {said}.",) if said else ()
 
 
 def _sigma(model: Model, variance: float, gain: Gain, readings_a_freedom: float) -> float:
@@ -420,10 +405,15 @@ def _doubts(
     )
 
 
-def _uncertainty(case: Case, f: Fit, doubt: Doubt, sigma: float, variance: float) -> Uncertainty:
-    """Uncertainty of a fit with the doubt between the sets, and what it comes from."""
-    names = names_of(case.model, f)
-    std = replace(f, covariance=doubt.covariance).std()
+def _uncertainty(
+    case: Case, f: Fit, doubt: Doubt, shape: Floats, sigma: float, variance: float
+) -> Uncertainty:
+    """Uncertainty of a fit with the doubt between the sets, and what it comes from.
+
+    ``shape``: mean squares by the shape of processes in time.
+    """
+    names, covariance = names_of(case.model, f), doubt.covariance + shape
+    std = replace(f, covariance=covariance).std()
     rounding = sigma * float(np.sqrt(min(case.floor.variance / max(variance, TINY), 1.0)))
     own, unit = doubt.covariance - doubt.between, units_of(case.model.readings)[0]
     sources = list(of_readings(own, sigma, unit[0] if len(unit) == 1 else "", rounding, f.dof))
@@ -432,10 +422,12 @@ def _uncertainty(case: Case, f: Fit, doubt: Doubt, sigma: float, variance: float
     sources += [one.source(gain @ case.white(one.columns)) for one in inputs]
     if np.any(doubt.between):
         sources.append(Source(MODEL, 1.0, "", root(doubt.between)))
+    if np.any(shape):
+        sources.append(Source(SHAPE, 1.0, "", root(shape)))
     return Uncertainty(
         names,
         dict(zip(names, map(float, std), strict=True)),
-        doubt.covariance,
+        covariance,
         sigma,
         f.dof,
         tuple(sources),

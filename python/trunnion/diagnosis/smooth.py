@@ -195,11 +195,14 @@ def over_range(values: Floats, low: float, high: float) -> Floats:
 
 
 @cache
-def covariances(count: int) -> Floats:
-    """Covariances of processes of size 1, of each length, on so many polynomials from degree 1."""
+def covariances(count: int, first: int = 1) -> Floats:
+    """Covariances of processes of size 1, of each length, on polynomials of degree first to count.
+
+    Those of degree 0 are the mean of a process.
+    """
     x, weight = np.polynomial.legendre.leggauss(NODES)
-    p = np.polynomial.legendre.legvander(x, count)[:, 1:]
-    project = (p * weight[:, None] * (np.arange(1, count + 1) + 0.5)).T
+    p = np.polynomial.legendre.legvander(x, count)[:, first:]
+    project = (p * weight[:, None] * (np.arange(first, count + 1) + 0.5)).T
     return np.stack([project @ c @ project.T for c in _alike(x)])
 
 

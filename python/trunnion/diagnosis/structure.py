@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 
 from trunnion.base.errors import DataError
-from trunnion.base.report import Result, Table
+from trunnion.base.report import Result, Table, uncertainty
 from trunnion.base.units import Floats, unit_of
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.cross_validation import better
@@ -19,7 +19,13 @@ from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.formula import FormulaEffect
 from trunnion.diagnosis.functions import DEPENDENT
 from trunnion.diagnosis.model import Model, Uncertainty
-from trunnion.diagnosis.records import parameter_table, value_in_words
+from trunnion.diagnosis.records import (
+    MAX_WORST,
+    MIN_DOUBT,
+    parameter_table,
+    value_in_words,
+    with_unit,
+)
 from trunnion.diagnosis.scan import Term
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
@@ -242,6 +248,24 @@ def left_open(
     mean = free * float(seen @ f.white) / max(variance, TINY)
     off = absorbed @ level
     return np.asarray(out + np.outer(off, off) * (free + mean**2))
+
+
+def notes_of_structure(
+    model: Model, left: Floats, std: Mapping[str, float], what: str = "the unexplained structure"
+) -> tuple[str, ...]:
+    """Say of which errors of the machine what is left open is most of the uncertainty.
+
+    left: mean squares, (p + k, p + k). std: By name of the error. what: leaves it open.
+    """
+    shares = {
+        x.name: size / std[x.name]
+        for x, size in zip(model.nuisance, np.sqrt(np.diag(left)).tolist(), strict=False)
+        if size and np.isfinite(std.get(x.name, np.inf))
+    }
+    worst = [k for k in sorted(shares, key=lambda k: -shares[k]) if shares[k] > MIN_DOUBT]
+    units = {x.name: x.unit for x in model.nuisance}
+    said = ", ".join(f"{k} ± {with_unit(uncertainty(std[k]), units[k])}" for k in worst[:MAX_WORST])
+    return (f"Mostly what {what} leaves open: {said}.",) if said else ()
 
 
 def structure_of(

@@ -33,7 +33,8 @@ MANY = 100.0  # degrees of freedom from which they are whole
 READINGS = "readings"
 RESOLUTION = "resolution of the readings"
 MODEL = "model selection"
-SHARED = (READINGS, RESOLUTION, MODEL)
+SHAPE = "shape of processes in time"
+SHARED = (READINGS, RESOLUTION, MODEL, SHAPE)
 """Sources that rest on the same readings."""
 
 Method = Literal["linear", "monte-carlo"]

@@ -11,14 +11,13 @@ import numpy as np
 
 from trunnion.base.errors import InputError
 from trunnion.base.report import Cell, Shown, Table, significant
-from trunnion.machine.budget import Budget, Line, Measurand, freedom
+from trunnion.machine.budget import SHARED, Budget, Line, Measurand, freedom
 from trunnion.plot.diagnosis import MAX_PARAMETERS
 from trunnion.reports.document import Item, Section
 from trunnion.reports.results import with_expanded
 from trunnion.setup.names import called
 
 MAX_ROWS = 40
-OF_READINGS = ("readings", "resolution of the readings", "model selection")
 MIN_SHARE = 1e-3  # of the variance of a quantity
 
 
@@ -56,7 +55,7 @@ def held_by_u(result: Any) -> list[str]:
         lines = [x for m in make().measurands for x in m.lines]
     except InputError:
         return []
-    known = [s for s in dict.fromkeys(x.source for x in lines) if s not in OF_READINGS]
+    known = [s for s in dict.fromkeys(x.source for x in lines) if s not in SHARED]
     calibrated = [s for s in known if not s.startswith("steps of")]
     held = "scatter and steps of the readings, and the doubt between causes"
     if calibrated:
