@@ -7,7 +7,7 @@ import pytest
 
 import trunnion as tn
 from trunnion.base.recognition import all_recognised
-from trunnion.base.rounded import log_probability, rounds_to_all
+from trunnion.base.rounded import gained, log_probability, rounds_to_all
 from trunnion.base.units import Floats
 
 NOISES = (0.03, 0.1)
@@ -218,3 +218,20 @@ def test_the_probability_is_that_of_the_likeliest_machine() -> None:
     net = [log(m, s) for m in np.linspace(0, 1, 41) for s in (0.15, 0.2, 0.3, 0.4, 0.5)]
     got = log_probability(values - values.mean(), np.ones((30, 1)), np.ones(30))
     assert got == pytest.approx(max(net), abs=0.15)
+
+
+def test_what_columns_gain_by_chance_is_chi_squared() -> None:
+    """Of sound readings beside some parameters: more than 6.63 in one of a hundred.
+
+    Twice ln P at the likeliest places gains as much in 3 to 10 of a hundred.
+    """
+    some = []
+    for noise in (0.05, 0.1, 0.2):
+        rng = np.random.default_rng([16, round(100 * noise)])
+        for _ in range(80):
+            columns = rng.standard_normal((48, 9))
+            left = read(columns[:, :8] @ rng.uniform(-20, 20, 8), noise, rng)
+            left -= columns[:, :8] @ np.linalg.lstsq(columns[:, :8], left, rcond=None)[0]
+            some.append(gained(left, columns[:, :8], columns, np.ones(48)))
+    assert 6 <= np.sum(np.array(some) > 2.71) <= 45
+    assert np.sum(np.array(some) > 6.63) <= 8

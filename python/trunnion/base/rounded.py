@@ -28,8 +28,11 @@ NOISES = (0.5, 0.4, 0.3, 0.2, 0.15, 0.1, 0.07, 0.05, 0.03, 0.02)
 """Noise beside the rounding that is tried, in steps, from where the top is easily found."""
 WIDER = 10.0  # times the standard errors of the fit, within which the top is sought
 AVERAGED = 8  # pairs of places
-MACHINES = 40  # drawn, of which the mean gain is known to a quarter
+OUT = 6.0  # noises beyond half a step, where nothing is read
+PARTS = 1000  # of an integral
+PAST = 5.0  # of ln P, below the most, from which a still smaller noise is less likely
 ROUNDS = 16
+FEWER = 8  # rounds, from where places of a larger noise lie
 SEED = 1
 MAX_STEPS = 30
 MAX_HALVINGS = 20
@@ -71,6 +74,13 @@ class Place:
         own = axes / np.sqrt(size) @ rng.standard_normal((len(size), count))
         return np.asarray(self.off @ (self.at[:, None] + own))
 
+    def some(self) -> Floats:
+        """Lengths at pairs of such places, the same ones for all noises, shape (q, s)."""
+        some = np.random.default_rng(SEED).standard_normal((len(self.at), AVERAGED))
+        size, axes = np.linalg.eigh(self.information)
+        own = axes / np.sqrt(size) @ np.concatenate([some, -some], axis=1)
+        return np.asarray(self.at[:, None] + own)
+
 
 def rounds_to_all(residuals: Floats, jacobian: Floats, step: Floats) -> bool:
     """Whether the readings of some machine, without any noise, round to all that were read.
@@ -109,24 +119,53 @@ def log_probability(residuals: Floats, jacobian: Floats, step: Floats) -> float:
     return most
 
 
-def gained_by_chance(residuals: Floats, jacobian: Floats, more: Floats, step: Floats) -> float:
-    """Twice the ln P that ``more`` columns gain, in the mean, where nothing of them is there.
+def gained(residuals: Floats, jacobian: Floats, more: Floats, step: Floats) -> float:
+    """What ``more`` columns gain of the probability of what was read, as chi² if by chance.
 
-    As many as they are, where the readings tell the noise; up to twice that beside a dozen of
-    parameters, as few readings show a noise of some tenths of a step. ``more``: with those of
-    ``jacobian``; other arguments as in :func:`log_probability`. Drawn: machines of the likeliest
-    noise and place, whose noise is sought at all places (Laplace's method), and their readings.
+    Twice ln P at the likeliest places would gain far more now and then: of a few readings near an
+    edge, one column more lets all be read without noise, from hardly any place. So P is averaged
+    over all places (what the normal distribution about them says, a lower bound), and the averages
+    are compared as those of readings that tell places as well as readings do in the mean.
+    ``more``: with those of ``jacobian``; other arguments as in :func:`log_probability`.
     """
+    (few, before, noise), (many, after, _) = (
+        _averaged(residuals, columns, step) for columns in (jacobian, more)
+    )
+    told = information(noise / step) / step**2
+    wide = [float(np.linalg.slogdet(off.T @ (told[:, None] * off))[1]) for off in (few, many)]
+    return 2.0 * (after - before) + wide[1] - wide[0]
+
+
+def _averaged(residuals: Floats, jacobian: Floats, step: Floats) -> tuple[Floats, float, float]:
+    """Return columns, ln P over all places of the likeliest noise, and that noise."""
     left, off = _without(residuals, jacobian, step)
-    noises, every = _noises(left, step, NOISES), np.ones(len(left))
-    top = _likeliest(left, off, step, every, noises, None, prior=WIDER**-2, settled=NEAR)
-    beside = left - off @ top.at
-    rng, gained = np.random.default_rng(SEED), np.zeros(MACHINES)
-    for k in range(MACHINES):
-        read = step * np.round((top.noise * rng.standard_normal(len(left)) - beside) / step)
-        gained[k] = log_probability(left + read, more, step)
-        gained[k] -= log_probability(left + read, jacobian, step)
-    return 2.0 * float(np.mean(gained))
+    noises, every, half = _noises(left, step, NOISES[1::2]), np.ones(len(left)), step / 2
+    at, _, curvature = _top(left, off, half, noises[0], every, np.zeros(off.shape[1]), NEAR)
+    about = WIDER**-2 * np.eye(len(at)) + off.T @ (curvature[:, None] * off)
+    place, most, likely = Place(off, at, about, noises[0]), -np.inf, 0.0
+    for noise in noises:
+        place = _normal(replace(place, noise=noise), left, half, every, FEWER)
+        log, _, _ = _of_readings(left[:, None] - off @ place.some(), half[:, None], noise)
+        mean = float(log.sum(axis=0).mean())
+        mean -= float(np.linalg.slogdet(place.information)[1] - len(at)) / 2
+        if mean < most - PAST:
+            break
+        if mean > most:
+            most, likely = mean, noise
+    return off, most, likely
+
+
+def information(noise: Floats) -> Floats:
+    """What a reading tells of a place, in the mean over all places in a step, in 1 / step².
+
+    Its integral is over all places of one reading: ∫ (dP/du)² / P du. ``noise``: in steps, (n,).
+    """
+    found = dict[float, float]()
+    for each in np.unique(noise).tolist():
+        off = np.linspace(0.0, 0.5 + OUT * each, PARTS)
+        log, slope, _ = _of_readings(off, np.full(PARTS, 0.5), each)
+        found[each] = 2.0 * float(np.trapezoid(np.exp(log) * slope**2, off))
+    return np.array([found[each] for each in noise.tolist()])
 
 
 def _without(residuals: Floats, jacobian: Floats, step: Floats) -> tuple[Floats, Floats]:
@@ -182,20 +221,16 @@ def _likeliest(
     used: Floats,
     tried: Sequence[float],
     known: float | None,
-    *,
-    prior: float = 1.0,
-    settled: float = SETTLED,
 ) -> Place:
     """Likeliest place at the known noise, or at the likeliest of those that are tried.
 
     That is the noise of which the readings are most probable whatever the place is (Laplace's
-    method). ``tried``: from where the top is easily found. ``prior``: inverse variance
-    of each length that is sought, beforehand.
+    method). ``tried``: from where the top is easily found.
     """
     at, best, most = np.zeros(off.shape[1]), None, -np.inf
     for noise in (*tried, *([] if known is None else [known])):
-        at, log, curvature = _top(residuals, off, step / 2, noise, used, at, settled)
-        information = prior * np.eye(len(at)) + off.T @ (curvature[:, None] * off)
+        at, log, curvature = _top(residuals, off, step / 2, noise, used, at)
+        information = np.eye(len(at)) + off.T @ (curvature[:, None] * off)
         together = log - float(np.linalg.slogdet(information)[1]) / 2
         if known is not None or together > most:
             best, most = Place(off, at, information, noise), together
@@ -203,22 +238,21 @@ def _likeliest(
     return best
 
 
-def _normal(top: Place, residuals: Floats, half: Floats, used: Floats) -> Place:
+def _normal(
+    top: Place, residuals: Floats, half: Floats, used: Floats, rounds: int = ROUNDS
+) -> Place:
     """Return the normal distribution that is nearest to the places about the top."""
-    off, at, information = top.off, top.at, top.information
-    some = np.random.default_rng(SEED).standard_normal((len(at), AVERAGED))
-    both, ridge = np.concatenate([some, -some], axis=1), WIDER**-2 * np.eye(len(at))
-    for _ in range(ROUNDS):
-        size, axes = np.linalg.eigh(information)
-        places = at[:, None] + axes / np.sqrt(size) @ both
-        off_each = residuals[:, None] - off @ places
+    off, place, ridge = top.off, top, WIDER**-2 * np.eye(len(top.at))
+    for _ in range(rounds):
+        off_each = residuals[:, None] - off @ place.some()
         _, slope, curvature = _of_readings(off_each, half[:, None], top.noise)
         mean = used * curvature.mean(axis=1)
         found = off.T @ (mean[:, None] * off) + ridge
-        information = (information + found) / 2
-        rise = -(off.T @ (used * slope.mean(axis=1))) - ridge @ at
-        at = at + np.linalg.solve(information, rise) / 2
-    return replace(top, at=at, information=information)
+        information = (place.information + found) / 2
+        rise = -(off.T @ (used * slope.mean(axis=1))) - ridge @ place.at
+        at = place.at + np.linalg.solve(information, rise) / 2
+        place = replace(place, at=at, information=information)
+    return place
 
 
 def _top(

@@ -222,8 +222,8 @@ class Case:
         By rounding (:func:`.resolution.growth`); by dependence of the residuals
         (:mod:`.dependence`); where more than noise is left of one of several measurements.
         ``variance``: of a white reading. Of the parameters of a fit, shape (p + k,). ``as_read``:
-        of machines that round to what was read, too: the size of a cause of less than a step hangs
-        on where readings change.
+        causes by machines that round to what was read, too: the size of a cause of less than a step
+        hangs on where readings change. What is always fitted may lie anywhere.
         """
         if self.dependent:
             return growth_by_dependence(
@@ -231,11 +231,16 @@ class Case:
             )
         apart = self._growth_apart(f, variance)
         variances = np.diag(f.covariance) * variance * apart**2
-        drawn = [self.errors_of_rounding(f, spread=ANY_PLACE)]
-        if as_read and self.by_reading:
-            drawn.append(self._errors_about(f))
-        off = [f.covariance @ (self.white(f.jacobian).T @ e) for e in drawn if e is not None]
-        return apart * np.max([growth(e, variances) for e in off], axis=0) if off else apart
+        estimate, caused = f.covariance @ self.white(f.jacobian).T, len(f.nuisance)
+        anywhere = self.errors_of_rounding(f, spread=ANY_PLACE)
+        if anywhere is None:
+            return apart
+        more = growth(estimate @ anywhere, variances)
+        about = self._errors_about(f) if as_read and f.effects and self.by_reading else None
+        if about is not None:
+            own = growth(estimate[caused:] @ about, variances[caused:])
+            more[caused:] = np.maximum(more[caused:], own)
+        return apart * more
 
     def _growth_apart(self, f: Fit, variance: float) -> Floats:
         """The same, of measurements of which one has structure without a name (p + k,)."""

@@ -15,9 +15,8 @@ from operator import itemgetter
 from typing import TypeAlias
 
 import numpy as np
-from scipy.special import digamma
 
-from trunnion.base.rounded import gained_by_chance, log_probability
+from trunnion.base.rounded import gained, log_probability
 from trunnion.base.units import Floats
 from trunnion.diagnosis.candidates import NAMING_LEVEL
 from trunnion.diagnosis.case import Case
@@ -63,20 +62,17 @@ def by_probability(case: Case, searched: Search, picked: tuple[int, ...] = ()) -
 def chance_as_read(case: Case, searched: Search) -> float:
     """Probability that sound readings gain as much by some cause; 1: sums of squares say it.
 
-    What a cause costs is gained by chance at the level at which it is named, and twice ln P beyond
-    it with the tail of chi². Squares see no gain by where readings change from step to step. What
-    sound readings gain more than readings without steps, in the mean, a gain is shorter by.
+    What a cause costs is gained by chance at the level at which it is named, and what is gained
+    beyond it, over all places (:func:`trunnion.base.rounded.gained`), with the tail of chi².
+    Squares see no gain by where readings change from step to step.
     """
     top, nothing = searched.top, searched.nothing
-    if not searched.more or not top.members or top.score >= nothing.score:
+    if not searched.more or not top.members:
         return 1.0
     columns = _Columns(case, searched, ())
-    left, none, some = columns.left, columns.always, columns.of(top.blocks)
     gain = 2.0 * (columns.log_probability(top.blocks) - columns.log_probability(()))
-    by_chance = gained_by_chance(left, none, some, columns.step)
-    dof, rank = searched.c.dof, some.shape[1] - none.shape[1]
-    unrounded = dof * float(digamma(dof / 2) - digamma((dof - rank) / 2))  # of squares
-    beyond = nothing.score - top.score - gain * (1.0 - 1.0 / max(by_chance / unrounded, 1.0))
+    over_all = gained(columns.left, columns.always, columns.of(top.blocks), columns.step)
+    beyond = nothing.score - top.score - gain + over_all
     return min(NAMING_LEVEL * float(np.exp(-beyond / 2)), 1.0)
 
 
