@@ -141,6 +141,7 @@ def test_columns_in_classes_are_as_good_as_all_of_them(shuffled: bool) -> None:
     if shuffled:
         label = rng.permutation(label)
     functions = rng.standard_normal((40, 2, 60))
+    functions[[20, 39], 1] = functions[[20, 39], 0]  # of lower rank than those beside them
     inside = label == np.arange(3)[:, None]
     variants = (functions[:, None] * inside[None, :, None]).reshape(40, 6, 60).transpose(0, 2, 1)
     spread = classes.InClasses(functions.__getitem__, 40, label, slice(60))

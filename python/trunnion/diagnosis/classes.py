@@ -179,4 +179,5 @@ class ClassColumns:
     def neighbours(self, some: slice, k: int) -> Floats:
         """Inner products of each k of some columns with the next k, (b - 1, k, k)."""
         blocks = [slice(at, at + k) for at in range(some.start, some.stop, k)]
-        return np.stack([self.inner(a, b) for a, b in itertools.pairwise(blocks)])
+        found = [self.inner(a, b) for a, b in itertools.pairwise(blocks)]
+        return np.array(found).reshape(len(blocks) - 1, k, k)
