@@ -67,7 +67,7 @@ def chance_as_read(case: Case, searched: Search) -> float:
     Squares see no gain by where readings change from step to step.
     """
     top, nothing = searched.top, searched.nothing
-    if not searched.more or not top.members:
+    if not searched.more or not top.members or top.score >= nothing.score:
         return 1.0
     columns = _Columns(case, searched, ())
     gain = 2.0 * (columns.log_probability(top.blocks) - columns.log_probability(()))
