@@ -125,15 +125,15 @@ def gained(residuals: Floats, jacobian: Floats, more: Floats, step: Floats) -> f
     Twice ln P at the likeliest places would gain far more now and then: of a few readings near an
     edge, one column more lets all be read without noise, from hardly any place. So P is averaged
     over all places (what the normal distribution about them says, a lower bound), and the averages
-    are compared as those of readings that tell places as well as readings do in the mean.
+    are compared as those of readings that determine places as well as readings do in the mean.
     ``more``: with those of ``jacobian``; other arguments as in :func:`log_probability`.
     """
     (few, before, noise), (many, after, _) = (
         _averaged(residuals, columns, step) for columns in (jacobian, more)
     )
-    told = information(noise / step) / step**2
-    wide = [float(np.linalg.slogdet(off.T @ (told[:, None] * off))[1]) for off in (few, many)]
-    return 2.0 * (after - before) + wide[1] - wide[0]
+    usual = _mean_curvature(noise / step) / step**2
+    one, other = (float(np.linalg.slogdet(_gram(off, usual))[1]) for off in (few, many))
+    return 2.0 * (after - before) + other - one
 
 
 def _averaged(residuals: Floats, jacobian: Floats, step: Floats) -> tuple[Floats, float, float]:
@@ -141,7 +141,7 @@ def _averaged(residuals: Floats, jacobian: Floats, step: Floats) -> tuple[Floats
     left, off = _without(residuals, jacobian, step)
     noises, every, half = _noises(left, step, NOISES[1::2]), np.ones(len(left)), step / 2
     at, _, curvature = _top(left, off, half, noises[0], every, np.zeros(off.shape[1]), NEAR)
-    about = WIDER**-2 * np.eye(len(at)) + off.T @ (curvature[:, None] * off)
+    about = WIDER**-2 * np.eye(len(at)) + _gram(off, curvature)
     place, most, likely = Place(off, at, about, noises[0]), -np.inf, 0.0
     for noise in noises:
         place = _normal(replace(place, noise=noise), left, half, every, FEWER)
@@ -155,10 +155,10 @@ def _averaged(residuals: Floats, jacobian: Floats, step: Floats) -> tuple[Floats
     return off, most, likely
 
 
-def information(noise: Floats) -> Floats:
-    """What a reading tells of a place, in the mean over all places in a step, in 1 / step².
+def _mean_curvature(noise: Floats) -> Floats:
+    """Fisher information of a reading on its place, the mean over all places, in 1 / step² (n,).
 
-    Its integral is over all places of one reading: ∫ (dP/du)² / P du. ``noise``: in steps, (n,).
+    The integral over all places of one reading: ∫ (dP/du)² / P du. ``noise``: in steps, (n,).
     """
     found = dict[float, float]()
     for each in np.unique(noise).tolist():
@@ -166,6 +166,11 @@ def information(noise: Floats) -> Floats:
         log, slope, _ = _of_readings(off, np.full(PARTS, 0.5), each)
         found[each] = 2.0 * float(np.trapezoid(np.exp(log) * slope**2, off))
     return np.array([found[each] for each in noise.tolist()])
+
+
+def _gram(off: Floats, weight: Floats) -> Floats:
+    """Weighted inner products of columns with each other, (q, q)."""
+    return np.asarray(off.T @ (weight[:, None] * off))
 
 
 def _without(residuals: Floats, jacobian: Floats, step: Floats) -> tuple[Floats, Floats]:
@@ -230,7 +235,7 @@ def _likeliest(
     at, best, most = np.zeros(off.shape[1]), None, -np.inf
     for noise in (*tried, *([] if known is None else [known])):
         at, log, curvature = _top(residuals, off, step / 2, noise, used, at)
-        information = np.eye(len(at)) + off.T @ (curvature[:, None] * off)
+        information = np.eye(len(at)) + _gram(off, curvature)
         together = log - float(np.linalg.slogdet(information)[1]) / 2
         if known is not None or together > most:
             best, most = Place(off, at, information, noise), together
@@ -247,7 +252,7 @@ def _normal(
         off_each = residuals[:, None] - off @ place.some()
         _, slope, curvature = _of_readings(off_each, half[:, None], top.noise)
         mean = used * curvature.mean(axis=1)
-        found = off.T @ (mean[:, None] * off) + ridge
+        found = _gram(off, mean) + ridge
         information = (place.information + found) / 2
         rise = -(off.T @ (used * slope.mean(axis=1))) - ridge @ place.at
         at = place.at + np.linalg.solve(information, rise) / 2
@@ -274,7 +279,7 @@ def _top(
     log, slope, curvature = value(at)
     for _ in range(MAX_STEPS):
         rise = -(off.T @ slope) - ridge * at
-        step = np.linalg.solve(off.T @ (curvature[:, None] * off) + ridge * np.eye(len(at)), rise)
+        step = np.linalg.solve(_gram(off, curvature) + ridge * np.eye(len(at)), rise)
         promised, share = float(rise @ step), 1.0
         if promised < settled:
             break
