@@ -175,7 +175,7 @@ def _sweep(machine: Machine, rng: Rng, count: int) -> list[tuple[Any, Any]]:
     return out
 
 
-def _diameters(machine: Machine, rng: Rng, count: int) -> list[tuple[Any, Any]]:  # noqa: ARG001
+def _diameters(machine: Machine, _rng: Rng, _count: int) -> list[tuple[Any, Any]]:
     """One measurement, of two or three passes."""
     own = machine.own("diameters")
     hidden = tuple(
@@ -275,7 +275,7 @@ def _positioning(machine: Machine, rng: Rng, count: int) -> list[tuple[Any, Any]
     return out
 
 
-def _axislog(machine: Machine, rng: Rng, count: int) -> list[tuple[Any, Any]]:  # noqa: ARG001
+def _axislog(machine: Machine, rng: Rng, _count: int) -> list[tuple[Any, Any]]:
     one = axislog(rng, machine.seed % 1_000_000)
     return [(one.data, one.setup)]
 
