@@ -169,6 +169,13 @@ def example(shape: str) -> tn.FormulaEffect:
             "number": 40.0,
             "owner": Owner.TIME,
         },
+        "local": {
+            "shape": "local",
+            "covariate": "C position",
+            "unit": "deg",
+            "number": 355.0,
+            "width": 50.0,
+        },
         "class": {"shape": "class", "covariate": "point", "at": "7"},
     }
     return tn.FormulaEffect(f"my_{shape}", "Touches", component="X", **every[shape])
@@ -189,6 +196,8 @@ def test_the_code_does_what_the_effect_does(shape: str, from_start: bool, tmp_pa
     values = {p if isinstance(p, str) else p.name: 0.7 + k for k, p in enumerate(effect.parameters)}
     if "period_mm" in values:
         values["period_mm"] = 31.5
+    if "place_deg" in values:
+        values |= {"place_deg": 357.0, "width_deg": 48.0}
     space: dict[str, Any] = {}
     exec(effect.code(), space)
     places = {

@@ -170,3 +170,23 @@ def test_positions_or_targets_that_are_wrong_are_said() -> None:
     ):
         with pytest.raises(tn.DataError, match=r"target \d \(row \d+\): got a place .* mm from"):
             SweepModel(wrong)
+
+
+@pytest.mark.parametrize("at", [3.0, 147.0, 251.0])
+@pytest.mark.parametrize("height_um", [4.0, 15.0])
+def test_a_local_error_is_no_sum_of_harmonics(at: float, height_um: float) -> None:
+    """A raised cosine in X of the instrument, which no cause makes, and no bell either."""
+    data = sweep(FULL, THREE)
+    off = np.mod(data.angle_deg - at + 180.0, 360.0) - 180.0
+    raised = np.where(np.abs(off) < 40.0, np.cos(np.pi * off / 80.0) ** 2, 0.0)
+    moved = data.with_columns(x_mm=data.position_mm[:, 0] + 1e-3 * height_um * raised)
+    d = tn.diagnose(moved)
+    assert d.verdict == "unexplained"
+    assert not d.causes
+    assert d.none_probability > 0.9
+    assert "a local error at" in str(d.unexplained)
+    assert d.structure is not None
+    found = d.structure.parameters
+    assert np.mod(found["place_deg"] - at + 180.0, 360.0) - 180.0 == pytest.approx(0.0, abs=2.0)
+    assert found["width_deg"] == pytest.approx(40.0, abs=8.0)
+    assert found["height_um"] == pytest.approx(height_um, rel=0.15)

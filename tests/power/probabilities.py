@@ -60,8 +60,9 @@ fitted; a smooth shape of levels, which has a dozen parameters, by 10 to 100), t
 the others by a share of a usual size; causes that look alike are drawn together, too (a drift and a
 warm-up of an axis, a curve of targets and a wave that is one of these), but not effects on axis
 logs with a correlation above 0.7, nor those on touches, levels and tests of rotary axes with one
-above 0.999. In one of eight cases an error is hidden that is no cause of the catalogue (hybrid
-ball-bar: none). Of those of levels, cycles of the room's air last nearly a
+above 0.999; of a tilt and an axial motion that one target of a sweep does not tell apart one is
+drawn, either as often. In one of eight cases an error is hidden that is no cause of the catalogue
+(hybrid ball-bar: none). Of those of levels, cycles of the room's air last nearly a
 pass, a half or a third of it (1, 2 or 3 a pass, 0.2 more or less at most): with half a cycle more
 the level that is turned for the second pass reads what a surface of that shape would give.
 
@@ -73,11 +74,9 @@ there is none), and of each named cause. *By chance*: what true probabilities wo
 first two with so many cases; only what is above is an error of the probabilities.
 
 With an unknown error stated probabilities are too high: they are of sets of the catalogue, beside
-at most one term of structure. Where the error is noticed (verdict *unexplained*) what that term
-leaves of it is explained by further causes; where it is not, causes of the catalogue imitate it (a
-sharp dip at one angle of a sweep is a sum of harmonics, and so is a C axis that sinks about one
-position of an R-test; a level that was knocked has drifted over a kink), and no reading says
-otherwise.
+at most one term of structure in one direction. Where the error is noticed (verdict *unexplained*)
+what that term leaves of it is explained by further causes; where it is not, causes of the catalogue
+imitate it (a level that was knocked has drifted over a kink), and no reading says otherwise.
 
 ![Stated and true probability](../figures/probabilities.png)
 """

@@ -37,6 +37,7 @@ LEFT = (5.0, 50.0)  # a cause alone is named from about 3.5 on
 SMOOTH = 2.0  # times that: a smooth shape without a name, which has a dozen parameters
 SAME = 0.999  # correlation of what two causes leave, above which they are one to these readings
 VISIBLE = 0.1  # of a cause is left at least, beside what is always fitted
+SAME_OF_ONE_TARGET = {"tilt_1": "axial_2", "tilt_2": "axial_3"}
 HYBRID = (*ballbar_study.HYBRID, *ballbar_study.HYBRID_DRIFTS)
 
 
@@ -125,9 +126,14 @@ def points(rng: Rng, number: int) -> Drawn:
 
 
 def sweep(rng: Rng, number: int) -> Drawn:
-    """Three targets on a turning axis, or one, which sees no axial motion once a turn."""
+    """Three targets on a turning axis, or one, which sees no axial motion once a turn.
+
+    One target does not tell a tilt from an axial motion: both are drawn as often, not together.
+    """
     one = {"targets": 1, "step_deg": 5.0} if rng.random() < 0.4 else {}
-    hidden = _some(rng, tuple(n for n in SWEEP_EFFECTS if not (one and n == "axial_1")))
+    names = (*(n for n in SWEEP_EFFECTS if n != "axial_1"), "tilt_1") if one else SWEEP_EFFECTS
+    hidden = _some(rng, names)
+    hidden = tuple(n for n in hidden if not one or SAME_OF_ONE_TARGET.get(n) not in hidden)
     made = make_sweep(900_000 + number, hidden, size(rng, 0.7, 7.0), **one).columns  # type: ignore[arg-type]
     unknown = bool(rng.random() < UNKNOWN_SHARE)
     if unknown:  # a sharp dip at one position

@@ -23,7 +23,7 @@ GROUP = "trunnion.effects"
 one, or the path of a file of effects."""
 _FIELDS = {f.name: f for f in fields(FormulaEffect)}
 _TAKES: dict[str, tuple[Any, str]] = {
-    **dict.fromkeys(("number", "low", "high", "turn"), (int | float, "a number")),
+    **dict.fromkeys(("number", "low", "high", "turn", "width"), (int | float, "a number")),
     **dict.fromkeys(("searched", "from_start"), (bool, "true or false")),
 }
 HEAD = """# Effects of one's own, for `trunnion diagnose --effects` and `tn.read_effects`.

@@ -17,14 +17,16 @@ import numpy as np
 from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats, suffix_of
-from trunnion.diagnosis.effect import Effect, NamedValues, Parameter, linear, periodic
-from trunnion.diagnosis.scan import Term, ordinal
+from trunnion.diagnosis.effect import Effect, NamedValues, Parameter, gridded, linear, periodic
+from trunnion.diagnosis.scan import BESIDE_PLACE, TIMES_WIDTH, Term, beside, local, ordinal
 from trunnion.machine.effects import Owner
 
-Shape = Literal["harmonic", "polynomial", "wave", "jump", "class"]
+Shape = Literal["harmonic", "polynomial", "wave", "jump", "local", "class"]
 SHAPES: tuple[str, ...] = get_args(Shape)
 PERIODS = (0.8, 1.25)
 """Between which the period of a wave is sought, in multiples of the one it was found with."""
+NEAR = 0.5
+"""In widths of a local error, how far from where it was found its place is sought."""
 WAVES_A_STEP = 0.25
 """Of the range, by which neighbouring periods of the search differ."""
 SMOOTH = ("polynomial", "wave")
@@ -64,24 +66,27 @@ class FormulaEffect:
         Direction in which it enters the readings ("X"); empty: all alike.
     shape
         "harmonic" and "wave": a cos + b sin; "polynomial": Legendre polynomials of s over its
-        range; "jump": from `number` on; "class": at one value of s.
+        range; "jump": from `number` on; "local": a bell about `number`; "class": at one value of s.
     number
-        Of the harmonic, degree of the polynomial, period of the wave, place of the jump.
+        Of the harmonic, degree of the polynomial, period of the wave, place of the jump or of the
+        local error.
     at
         Value of s that has an effect by itself ("class").
     low, high
         Range of s for which a polynomial was found.
     turn
-        Length of a turn of s ("harmonic").
+        Length of a turn of s ("harmonic", and "local" if not 0).
     reading_unit
         Of the change.
     owner
         What it belongs to ("time" where it depends on time or order).
     searched
-        Whether the period of a wave is a parameter.
+        Whether the period of a wave, or place and width of a local error, are parameters.
     from_start
         Whether the functions are less their value at `low`: errors of the machine are those at the
         start, as beside the drifts of the catalogue.
+    width
+        Of a local error, between the values of s where it is half as large.
 
     Examples
     --------
@@ -110,6 +115,7 @@ class FormulaEffect:
     owner: Owner = Owner.MACHINE
     searched: bool = True
     from_start: bool = False
+    width: float = 1.0
 
     def __post_init__(self) -> None:
         """Refuse a formula that is none."""
@@ -127,8 +133,10 @@ class FormulaEffect:
             raise InputError(f"number: got {self.number:g}, expected the period, above 0")
         if not (np.isfinite(self.number) and -np.inf < self.low < self.high < np.inf):
             raise InputError(f"low, high: got {self.low:g}, {self.high:g}, expected low below high")
-        if not 0 < self.turn < np.inf:
+        if not 0 < self.turn < np.inf and not (self.shape == "local" and self.turn == 0):
             raise InputError(f"turn: got {self.turn:g}, expected a length above 0")
+        if not 0 < self.width < np.inf:
+            raise InputError(f"width: got {self.width:g}, expected a width above 0")
         if self.from_start and self.shape not in SMOOTH:
             expected = f"a start for {' and '.join(SMOOTH)} only"
             raise InputError(f"from_start: got true for a {self.shape}, expected {expected}")
@@ -145,18 +153,24 @@ class FormulaEffect:
         scale = not v.classes
         values = np.asarray(v.values, dtype=float) if scale else np.zeros(1)
         where = f"_in_{term.component}" if term.component else ""
+        number, width = 0.0, 1.0
+        if term.kind == "local":
+            number, width = term.place_and_width
+        elif scale:
+            number = float(str(term.number))
         return cls(
             id=re.sub(r"\W+", "_", f"{term.kind}_of_{term.covariate}{where}".lower()),
             data=type(model.data).__name__,
             covariate=term.covariate,
             shape=term.kind,  # type: ignore[arg-type]
-            number=float(str(term.number)) if scale else 0.0,
+            number=number,
+            width=width,
             component=term.component,
             unit=term.unit,
             at="" if scale else str(term.number),
             low=float(values.min()) if scale else 0.0,
             high=float(values.max()) if scale else 1.0,
-            turn=float(v.period or 360.0),
+            turn=float(v.period or (0.0 if term.kind == "local" else 360.0)),
             reading_unit=of_reading,
             label=f"unexplained, {term.sentence()}",
             owner=Owner.TIME if v.sequence else Owner.MACHINE,
@@ -179,26 +193,32 @@ class FormulaEffect:
         return replace(self, id=id, label=label or id.replace("_", " "))
 
     def at_values(self, values: NamedValues) -> tuple[FormulaEffect, dict[str, float]]:
-        """Return it with its period held at a value, and the other values: it is linear then."""
-        if not self._has_period:
-            return self, dict(values)
-        rest = {k: float(v) for k, v in values.items() if k != self._period}
-        number = float(values.get(self._period, self.number))
-        return replace(self, number=number, searched=False), rest
+        """Return it with what is searched held at values, and the others: it is linear then."""
+        names = [p.name for p in self._searched]
+        rest = {k: float(v) for k, v in values.items() if k not in names}
+        held = zip(("number", "width"), zip(names, self.start, strict=False), strict=False)
+        at = {field: float(values.get(name, x)) for field, (name, x) in held}
+        return (replace(self, **at, searched=False) if names else self), rest  # type: ignore[arg-type]
+
+    @property
+    def start(self) -> tuple[float, float]:
+        """Values of what is searched that it was found with."""
+        return self.number, self.width
 
     # --- as an effect
 
     @property
     def parameters(self) -> tuple[str | Parameter, ...]:
-        """Names with their units; the period of a wave with the values that are tried."""
+        """Names with their units; what is searched with the values that are tried."""
         end = f"_{self._suffix}"
         match self.shape:
             case "polynomial":
                 return tuple(f"c{k}{end}" for k in range(1, int(self.number) + 1))
             case "jump" | "class":
                 return (f"{'step' if self.shape == 'jump' else 'offset'}{end}",)
-        names: tuple[str | Parameter, ...] = (f"a{end}", f"b{end}")
-        return (*names, self._searched_period()) if self._has_period else names
+            case "local":
+                return (f"height{end}", *self._searched)
+        return (f"a{end}", f"b{end}", *self._searched)
 
     @property
     def _suffix(self) -> str:
@@ -206,21 +226,37 @@ class FormulaEffect:
         return suffix_of(self.reading_unit) or "reading"
 
     @property
-    def _has_period(self) -> bool:
-        return self.shape == "wave" and self.searched
+    def _searched(self) -> tuple[Parameter, ...]:
+        """Parameters that are not linear."""
+        if not self.searched or self.shape not in ("wave", "local"):
+            return ()
+        return (self._period(),) if self.shape == "wave" else self._place_and_width()
 
-    @property
-    def _period(self) -> str:
+    def _in_its_unit(self, name: str) -> str:
         u = suffix_of(self.unit)
-        return f"period_{u}" if u else "period"
+        return f"{name}_{u}" if u else name
 
-    def _searched_period(self) -> Parameter:
+    def _place_and_width(self) -> tuple[Parameter, ...]:
+        reach = self.width * NEAR
+        return tuple(
+            Parameter(self._in_its_unit(name), self.unit, tuple(map(float, tried)), bounds)
+            for name, tried, bounds in (
+                (
+                    "place",
+                    self.number + self.width * BESIDE_PLACE,
+                    (self.number - reach, self.number + reach),
+                ),
+                ("width", self.width * np.array(TIMES_WIDTH), (self.width / 2, 2 * self.width)),
+            )
+        )
+
+    def _period(self) -> Parameter:
         low, high = (self.number * share for share in PERIODS)
         step = 1.0 + WAVES_A_STEP * self.number / max(self.high - self.low, self.number)
         below = int(np.log(1 / PERIODS[0]) / np.log(step))
         above = int(np.log(PERIODS[1]) / np.log(step))
         grid = tuple(float(self.number * step**k) for k in range(-below, above + 1))
-        return Parameter(self._period, self.unit, grid, (low, high))
+        return Parameter(self._in_its_unit("period"), self.unit, grid, (low, high))
 
     def bound(self, data: Any, described: Described | None = None) -> Effect:
         """Return it bound to data; ``described``: their model, if there is one.
@@ -248,11 +284,15 @@ class FormulaEffect:
         if place.known is not None:
             weight = weight * place.known
         more: dict[str, Any] = {"label": self.label, "owner": self.owner}
-        if self._has_period:
+        if self.shape == "local" and self.searched:
+            named = tuple(p if isinstance(p, str) else p.name for p in self.parameters)
+            bell = _Bell(s.astype(float), weight, self.turn, named)
+            return gridded(self.id, self.parameters, bell.columns, slopes=bell.slopes, **more)
+        if self._searched:
             parts = [(s.astype(float), weight)]
             if self.from_start:
                 parts.append((np.full(len(s), self.low), -weight))
-            return periodic(self.id, self._searched_period(), parts, unit=self._suffix, **more)
+            return periodic(self.id, self._searched[0], parts, unit=self._suffix, **more)
         return linear(self.id, self.parameters, weight[:, None] * self.columns_at(s), **more)
 
     def columns_at(self, s: Any) -> Floats:
@@ -270,6 +310,8 @@ class FormulaEffect:
             case "polynomial":
                 x = 2 * (s - self.low) / (self.high - self.low) - 1
                 return np.asarray(np.polynomial.legendre.legvander(x, int(self.number))[:, 1:])
+            case "local":
+                return local(s, self.number, self.width, self.turn or None)[:, None]
         rate = self.number / self.turn if self.shape == "harmonic" else 1 / self.number
         angle = 2 * np.pi * rate * s
         return np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -302,6 +344,10 @@ class FormulaEffect:
                 text = f"{terms}, x = (s − {middle:g})/{half:g}, {s}"
             case "jump":
                 text = f"step from s = {self.number:g} on, {s}"
+            case "local":
+                searched = "" if self.searched else f" = {self.number:g}"
+                wide = "" if self.searched else f" = {self.width:g}"
+                text = f"height 2^(−(2(s − p)/w)²), {s}, p{searched} the place, w{wide} the width"
             case _:
                 text = f"offset where {self.covariate} is {self.at}"
         where = f" in {self.component}" if self.component else ""
@@ -318,6 +364,13 @@ class FormulaEffect:
                 body = f"np.polynomial.legendre.legval(x, [0.0, {', '.join(at)}])"
             case "jump":
                 x, body = "", f"{at[0]} * (s >= {self.number!r})"
+            case "local":
+                place, width = at[1:] or [repr(self.number), repr(self.width)]
+                x = f"off = s - {place}"
+                if self.turn:
+                    half = self.turn / 2
+                    x = f"off = np.mod(s - {place} + {half!r}, {self.turn!r}) - {half!r}"
+                body = f"{at[0]} * np.exp2(-((2 * off / {width}) ** 2))"
             case "class":
                 x, body = "", f"{at[0]} * (s.astype(str) == {self.at!r})"
             case _:
@@ -353,3 +406,25 @@ class FormulaEffect:
             "",
             f"    return enters * (at(s) - at({self.low!r}))",
         ]
+
+
+@dataclass(frozen=True, eq=False)
+class _Bell:
+    """Columns of a local error at values of its place and width; names: of height, place, width."""
+
+    s: Floats
+    weight: Floats
+    turn: float
+    names: tuple[str, ...]
+
+    def columns(self, values: NamedValues) -> Floats:
+        """Change of each reading per unit of the height, (n, 1)."""
+        place, width = (float(values[name]) for name in self.names[1:])
+        return (self.weight * local(self.s, place, width, self.turn or None))[:, None]
+
+    def slopes(self, values: NamedValues) -> Floats:
+        """Derivative of the change by place and width, (n, 2)."""
+        height, place, width = (float(values[name]) for name in self.names)
+        off = beside(self.s, place, self.turn or None)
+        steep = 8 * np.log(2) * height / width**2 * self.columns(values)[:, 0] * off
+        return np.stack([steep, steep * off / width], axis=1)

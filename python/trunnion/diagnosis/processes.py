@@ -19,7 +19,7 @@ from trunnion.diagnosis.selection import REACH, WITHIN, Found, search
 from trunnion.diagnosis.smooth import Along, Sums, mean_deviance
 from trunnion.diagnosis.whitening import Whiten
 
-MAX_QUANTITIES = 6  # along which there may be a process: each is compared with sets by itself
+MAX_QUANTITIES = 7  # along which there may be a process: each is compared with sets by itself
 MAX_REPLACED = 5  # causes of a set, of which any number may be a process instead
 FEW_REPLACED = 2  # of more causes at a time, or all
 

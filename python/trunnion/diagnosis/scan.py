@@ -1,23 +1,35 @@
 """Structure without a name, and the recorded quantity that it depends on.
 
 A dictionary of *terms*, each a few columns: a function of one covariate (harmonics, polynomials,
-waves of unknown length, a jump, a class of its own) times one component by which a disturbance can
-enter the readings. A term is no cause. It says that something is there, and what it goes with.
+waves of unknown length, a jump, a local error, a class of its own) times one component by which a
+disturbance can enter the readings. A term is no cause. It says that something is there, and what it
+goes with.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 from scipy import special
 
 from trunnion.base.resolution import Floor
 from trunnion.base.rotation import cosine_sine
+from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.columns import AT_HAND, AT_ONCE, ROUNDING, storage
 from trunnion.diagnosis.fit import Fit
-from trunnion.diagnosis.functions import Jumps, Made, Part, Waiting, eliminated, made_of, part_of
+from trunnion.diagnosis.functions import (
+    DEPENDENT,
+    Jumps,
+    Made,
+    Part,
+    Waiting,
+    eliminated,
+    made_of,
+    part_of,
+)
 from trunnion.diagnosis.model import Covariate, Model
 from trunnion.diagnosis.quantities import saying, straight
 from trunnion.diagnosis.smooth import over_range, polynomials
@@ -33,14 +45,20 @@ WAVES_BETWEEN = np.array(
     [0.0, -0.25, -0.125, 0.125, 0.25]
 )  # over the range, around one of the scan
 JUMPS = 48
+WIDTHS = (1 / 4, 1 / 8, 1 / 16)  # of local errors, in turns or ranges
+STEPS_A_WIDTH = 2  # between neighbouring places of a local error
+MIN_VALUES = 2  # of a quantity within the width of a local error: there are more
+BESIDE_PLACE = np.linspace(-0.25, 0.25, 5)  # in widths, around a place of the scan
+TIMES_WIDTH = (0.5, 0.7, 1.0, 1.4)  # the same of widths
 
 
 @dataclass(frozen=True)
 class Term:
     """A function of one covariate that enters through one component.
 
-    ``kind``: "harmonic", "polynomial", "wave", "jump" or "class"; ``number``: its harmonic, its
-    degree, its waves over the range, the value at which it jumps, or the label of its class.
+    ``kind``: "harmonic", "polynomial", "wave", "jump", "local" or "class"; ``number``: its
+    harmonic, its degree, its waves over the range, the value at which it jumps, the value about
+    which it acts and its width, or the label of its class.
     """
 
     covariate: str
@@ -64,9 +82,18 @@ class Term:
                 how = f"periodic, period {float(str(self.number)):.4g}{u}"
             case "jump":
                 how = f"a jump at {float(str(self.number)):.4g}{u}"
+            case "local":
+                place, width = self.place_and_width
+                how = f"a local error at {place:.4g}{u}, {width:.4g}{u} wide"
             case _:
                 return f"{self.covariate} {self.number} (by itself)"
         return f"{self.covariate} ({how}{where})"
+
+    @property
+    def place_and_width(self) -> tuple[float, float]:
+        """Of a local error."""
+        place, width = cast("tuple[float, float]", self.number)
+        return place, width
 
 
 def ordinal(n: int) -> str:
@@ -235,26 +262,51 @@ class Dictionary:
         return out
 
     def variants(self, term: int) -> Floats:
-        """Columns of a term, shape (v, n, k); of a wave in time, at lengths around its own, too.
+        """Columns of a term, shape (v, n, k); those between the terms of the scan, too.
 
         What a wave leaves of one a quarter of a period longer over the range would be explained by
-        causes that are not there. Waves in places have causes of their own, of any length.
+        causes that are not there, and so would what a local error leaves of one beside it. Waves
+        in places have causes of their own, of any length.
         """
         of = self.terms[term]
         along = next(v for v in self._covariates if v.name == of.covariate)
-        if of.kind != "wave" or not along.sequence:
+        if of.kind != "local" and (of.kind != "wave" or not along.sequence):
             return self.block(term)[None]
         values = np.asarray(along.values, dtype=np.float64)
         own = self._rows if along.known is None else self._rows[along.known[self._rows]]
         low, high = np.min(values[own]), np.max(values[own])
-        waves = (high - low) / float(str(of.number)) + WAVES_BETWEEN
-        columns = _waves(np.pi * waves, over_range(values, low, high))
+        if of.kind == "local":
+            place, width = of.place_and_width
+            near = [(place + s * width, w * width) for w in TIMES_WIDTH for s in BESIDE_PLACE]
+            columns = np.stack([local(values, *one, along.period) for one in near])[:, None]
+        else:
+            waves = (high - low) / float(str(of.number)) + WAVES_BETWEEN
+            columns = _waves(np.pi * waves, over_range(values, low, high))
         if of.component:
             columns = columns * np.asarray(self._model.components[of.component])
         if along.known is not None:
             columns = columns * along.known
         made = [np.asarray(self._whiten(wave.T))[self._rows] for wave in columns]
         return np.stack([w / np.linalg.norm(w, axis=0) for w in made])
+
+    def refined(self, gain: Floats, r: Floats, basis: Floats) -> Floats:
+        """Gains (t, s) for residuals (n, s), that of the best local error at its best variant.
+
+        Of a large one its neighbours of the scan leave more than many causes do.
+        """
+        those = np.flatnonzero([term.kind == "local" for term in self.terms])
+        if not len(those):
+            return gain
+        gain = gain.copy()
+        best = those[np.argmax(gain[those], axis=0)]
+        for term in np.unique(best).tolist():
+            own = np.flatnonzero(best == term)
+            columns = self.variants(term)[:, :, 0].T
+            left = columns - basis @ (basis.T @ columns)
+            square = np.maximum(np.einsum("ij,ij->j", left, left), DEPENDENT)
+            most = np.max((left.T @ r[:, own]) ** 2 / square[:, None], axis=0)
+            gain[term, own] = np.maximum(gain[term, own], most)
+        return gain
 
 
 def beside_a_term(
@@ -310,6 +362,39 @@ def _functions(
         many = Jumps.at(values, places) if v.known is None else None
         made = (values >= places[:, None]).astype(float)[:, None] if many is None else many
         yield "jump", list(places), made
+    if len(values) < MANY_ROWS and len(distinct) > 1:
+        whole = v.period or float(distinct[-1] - distinct[0])
+        for width in whole * np.array(WIDTHS):
+            if at := _places(v, distinct, width):
+                made = np.stack([local(values, place, width, v.period) for place in at])
+                yield "local", [(place, float(width)) for place in at], made[:, None]
+
+
+def _places(v: Covariate, distinct: Floats, width: float) -> list[float]:
+    """Places of local errors of a width: with several values of a quantity, and some beside each.
+
+    What ends where the readings end is a jump, or slow.
+    """
+    span = float(distinct[-1] - distinct[0])
+    span = span if v.period is None else min(span, v.period)
+    every = distinct[0] + np.arange(0.0, span + width / 4, width / STEPS_A_WIDTH)
+    off = beside(distinct, every[:, None], v.period) / width
+    inside = np.sum(np.abs(off) <= 0.5, axis=1) > MIN_VALUES
+    around = (np.abs(off) > 0.5) & (np.abs(off) < 1.5)
+    inside &= np.any(around & (off < 0), axis=1) & np.any(around & (off > 0), axis=1)
+    some: list[float] = every[inside].tolist()
+    return some
+
+
+def local(values: Floats, place: float, width: float, period: float | None) -> Floats:
+    """Local error of height 1 about a value of a quantity: a bell, half as high at its width."""
+    return np.asarray(np.exp2(-((2 * beside(values, place, period) / width) ** 2)))
+
+
+def beside(values: Floats, place: float | Floats, period: float | None) -> Floats:
+    """How far values of a quantity are from one, the short way round."""
+    off = values - place
+    return off if period is None else np.mod(off + period / 2, period) - period / 2
 
 
 def _waves(rates: Floats | Integers, x: Floats) -> Floats:

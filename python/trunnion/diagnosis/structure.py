@@ -185,7 +185,8 @@ def _with_term(kept: Case, term: Term, f: Fit) -> tuple[Case, Fit, FormulaEffect
     source = FormulaEffect.of_term(term, kept.model)
     model = model_with(kept.model, source)
     added = model.effect(source.id)
-    start = added.values(0.0 if p.linear else source.number for p in added.parameters)
+    searched = iter(source.start)
+    start = added.values(0.0 if p.linear else next(searched) for p in added.parameters)
     effects = [kept.model.effect(name) for name in f.effects]
     values = {**f.effects, source.id: start}
     try:

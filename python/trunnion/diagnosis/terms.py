@@ -31,7 +31,8 @@ def term_penalty(case: Case, f: Fit) -> Floats:
 def one_term_score(case: Case, plain: Fit) -> float:
     """Score of the best single term on the plain model."""
     d = case.dictionary
-    gain, rank = d.of_fit(plain)
+    found, rank = d.of_fit(plain)
+    gain = d.refined(found[:, None], plain.white[:, None], plain.basis)[:, 0]
     m = plain.dof
     left = case.floor.deviance(np.maximum(plain.rss - gain, MIN_LEFT * plain.rss), m)
     penalty = term_penalty(case, plain) * m / np.maximum(m - rank - 1, 1)
@@ -55,6 +56,7 @@ def stands_for_causes(case: Case, best: Found) -> bool:
     sums = np.stack([np.sum([parts[i] for i in some], axis=0) for some in together], axis=1)
     paid = np.array([sum(c.penalty[best.blocks[i]] for i in some) for some in together])
     gain, rank = case.dictionary.gains(sums, plain.basis)
+    gain = case.dictionary.refined(gain, sums, plain.basis)
     left = np.einsum("ij,ij->j", sums, sums) - gain
     worse = left / case.floor.noise(best.rss, plain.dof) - paid
     worse += term_penalty(case, plain)[:, None]

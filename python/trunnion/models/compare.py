@@ -337,12 +337,17 @@ def _parts(
 
 
 def _split(model: Model, f: Refit, effect: str) -> dict[str, list[int]]:
-    """Parameters of an effect, by the component of the readings that each acts on alone."""
+    """Parameters of an effect, by the component of the readings that each acts on alone.
+
+    By that of the fewest readings: all have something of the X of an instrument.
+    """
     at = [i for i, n in enumerate(f.names) if n.startswith(f"{effect}.")]
+    own = {k: np.asarray(c) != 0 for k, c in model.components.items()}
     parts: dict[str, list[int]] = {}
     for i in at:
         acts = f.columns[:, i] != 0
-        alone = [k for k, c in model.components.items() if not np.any(acts & (c == 0))]
+        count = {k: int(c.sum()) for k, c in own.items() if np.all(c[acts])}
+        alone = [k for k, m in count.items() if m == min(count.values())]
         parts.setdefault(alone[0] if len(alone) == 1 else "", []).append(i)
     return {"": at} if "" in parts else parts
 

@@ -269,9 +269,13 @@ class SweepModel(Model):
 
     @property
     def components(self) -> Mapping[str, Floats]:
-        """Radial, tangential, axial."""
+        """Radial, tangential, axial; of the instrument X, Y, Z."""
         at = np.arange(len(self.readings)) % 3
-        return {name: (at == i).astype(float) for i, name in enumerate(DIRECTIONS)}
+        along = (self._local @ self._geometry.frame.T).reshape(-1, 3)
+        return {
+            **{name: (at == i).astype(float) for i, name in enumerate(DIRECTIONS)},
+            **dict(zip("XYZ", along.T, strict=True)),
+        }
 
     @property
     def groups(self) -> Integers:
