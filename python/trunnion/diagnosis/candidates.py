@@ -8,6 +8,7 @@ nonlinear parameters.
 import itertools
 from bisect import bisect_right
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from copy import copy
 from functools import cached_property
 from types import MappingProxyType
 
@@ -31,6 +32,7 @@ from trunnion.diagnosis.columns import (
     storage,
     unit_blocks,
 )
+from trunnion.diagnosis.of_some import OfSome
 
 # The same where the model is known to be incomplete (3 % of its length): or its gaps decide.
 DEPENDENT_INCOMPLETE = 1e-3
@@ -165,6 +167,40 @@ class Candidates:
         new.kept = np.append(self.kept * np.ones(len(self.owner)), more)
         return new
 
+    def with_variants(
+        self, further: Mapping[int, tuple[int, Floats | OfSome]], without: Mapping[int, int]
+    ) -> "Candidates":
+        """Return these with one variant more of some that have several, none of them inflated.
+
+        ``further``: by the candidate's number, which of its variants it is, and its columns
+        (1, n, k); ``without``: a variant of some that is there no more, by its number so far.
+        """
+        new = copy(self)
+        vars(new).pop("by_rank", None)
+        for j, variant in without.items():
+            new._keep((new.owner != j) | (new.variant != variant))
+            new.variant = new.variant - ((new.owner == j) & (new.variant > variant))
+        shelf = Shelf(len(self._basis))
+        for j, (variant, columns) in further.items():
+            start = self.width + shelf.filled
+            rank = unit_blocks([columns], self._basis, np.float64, shelf)[0][0]
+            new.variant = new.variant + ((new.owner == j) & (new.variant >= variant))
+            before = (new.owner < j) | ((new.owner == j) & (new.variant < variant))
+            at = int(np.count_nonzero(before))
+            block = {"owner": j, "variant": variant, "rank": rank, "start": start}
+            for name, number in block.items():
+                setattr(new, name, np.insert(getattr(new, name), at, number))
+        new._keep(new.rank > 0)
+        new._parts = (*self._parts, *shelf.parts())
+        new._ends = list(itertools.accumulate(map(len, new._parts)))
+        if self._last is not None:
+            r, known = self._last
+            new._last = r, np.concatenate([known, products(shelf.parts(), r)])
+        new._gram_rows = {}
+        new._lengths = {j: length for j, length in self._lengths.items() if j not in further}
+        new._price(None)
+        return new
+
     def inflate(self, factor: Floats) -> None:
         """Raise the penalty of each block by a factor (b,): it gains so much more by chance."""
         self.penalty = self.penalty + (factor - self.inflation) * self.chance
@@ -197,6 +233,10 @@ class Candidates:
         shared = np.sum(own[self.identifiable] == 0) if multiplicity is None else multiplicity
         self.level = np.where(own > 0, own, level / max(shared, 1))
         self.multiplicity = float(shared)
+        self._price(own_price)
+
+    def _price(self, own_price: Floats | None) -> None:
+        """Price the blocks by how many places each candidate has."""
         self.places = self._places()
         self.inflation = np.ones(len(self.owner))
         self.chance = np.asarray(special.chdtri(self.rank, self.level[self.owner] / self.places))

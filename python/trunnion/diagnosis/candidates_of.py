@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, overload
 
 import numpy as np
 from scipy.linalg import orth
@@ -11,8 +12,11 @@ from scipy.linalg import orth
 from trunnion.base.resolution import inflation
 from trunnion.base.units import Floats
 from trunnion.diagnosis.candidates import DEPENDENT_INCOMPLETE, Candidates
+from trunnion.diagnosis.columns import Family
+from trunnion.diagnosis.effect import Values
 from trunnion.diagnosis.fit import Fit, grid_values, variant_columns
 from trunnion.diagnosis.noise import Whitener
+from trunnion.diagnosis.of_some import OfSome
 
 if TYPE_CHECKING:
     from trunnion.diagnosis.case import Case
@@ -23,11 +27,7 @@ TINY = 1e-300
 
 def candidates_of(case: Case) -> Candidates:
     """Return the candidates beside the plain fit of a case, at the places of its columns."""
-    rows = slice(None) if case.complete else case.rows
-    pieces = (
-        (j, x[:, rows] if isinstance(x, np.ndarray) else x.rows(rows))
-        for j, x in case.linearised.pieces()
-    )
+    pieces = ((j, _used(case, x)) for j, x in case.linearised.pieces())
     numbers = case.linearised.width * len(case.rows)
     own = np.array([float(e.expected) or e.level or RARE_LEVEL * e.rare for e in case.effects])
     alone = frozenset(j for j, values in enumerate(case.values) if len(values) == 1)
@@ -38,10 +38,39 @@ def candidates_of(case: Case) -> Candidates:
     )
     if case.dependent:
         found.dependent = DEPENDENT_INCOMPLETE
-    found.inflate(_inflation(case, found))
+    return _weighed(case, found)
+
+
+def with_places(case: Case, c: Candidates, further: Mapping[int, Values]) -> Candidates:
+    """Return the candidates of a case, some at one place more or at another one, as its columns."""
+    before = case.linearised
+    case.linearised = before.with_places(further)
+    more = {}
+    for j, place in further.items():
+        effect, nuisance = case.effects[j], case.plain.nuisance
+        white = case.model.white_piece(nuisance, effect, [place], case.whiten)
+        more[j] = case.values[j].index(place), _used(case, white)
+    again = {j: place for j, place in before.further.items() if j in further}
+    gone = {j: before.values[j].index(place) for j, place in again.items()}
+    return _weighed(case, c.with_variants(more, gone))
+
+
+@overload
+def _used(case: Case, columns: Floats | OfSome) -> Floats | OfSome: ...
+@overload
+def _used(case: Case, columns: Family) -> Family: ...
+def _used(case: Case, columns: Floats | OfSome | Family) -> Floats | OfSome | Family:
+    """Columns in the readings that are used."""
+    rows = slice(None) if case.complete else case.rows
+    return columns[:, rows] if isinstance(columns, np.ndarray) else columns.rows(rows)
+
+
+def _weighed(case: Case, c: Candidates) -> Candidates:
+    """Raise the prices of candidates by rounding, and weigh them by what wanders."""
+    c.inflate(_inflation(case, c))
     if isinstance(case.whiten, Whitener) and case.whiten.wandering:
-        found.kept = _beside_wander(case, case.whiten, found)
-    return found
+        c.kept = _beside_wander(case, case.whiten, c)
+    return c
 
 
 def _beside_wander(case: Case, whiten: Whitener, c: Candidates) -> Floats:

@@ -23,7 +23,7 @@ from trunnion.base.rounded import rounds_to_all
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import Candidates
-from trunnion.diagnosis.candidates_of import candidates_of
+from trunnion.diagnosis.candidates_of import candidates_of, with_places
 from trunnion.diagnosis.cross_validation import cross_validated
 from trunnion.diagnosis.dependence import growth as growth_by_dependence
 from trunnion.diagnosis.dependence import growth_apart
@@ -110,8 +110,7 @@ class Case:
         """The candidates beside the plain fit, some at further places (:mod:`.nearer`)."""
         found = candidates_of(self)
         if further := nearer(self, found):
-            self.linearised = self.linearised.with_places(further)
-            found = candidates_of(self)
+            found = with_places(self, found, further)
         return found
 
     def std(self, effect: Effect, f: Fit, variance: float) -> Floats:

@@ -39,6 +39,8 @@ def gains_beside(variants: Array, basis: Array | Spanned, residual: Array) -> Ar
     left = whole - taken @ taken.transpose(0, 2, 1)
     own, before = (np.diagonal(x, axis1=1, axis2=2) for x in (left, whole))
     size = np.sqrt(np.where(own > GONE * before, own, np.inf))
+    if k == 1:
+        return np.asarray((flat @ residual / size[:, 0]) ** 2)
     share, ways = np.linalg.eigh(left / (size[:, :, None] * size[:, None]))
     seen = share > RANK_TOLERANCE**2 * share.max(axis=1, initial=GONE, keepdims=True)
     along = ((flat @ residual).reshape(v, 1, k) / size[:, None] @ ways)[:, 0]

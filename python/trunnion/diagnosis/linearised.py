@@ -39,7 +39,7 @@ class Linearised:
         further: Mapping[int, Values] = MappingProxyType({}),
         made: Sequence[Piece] = (),
     ) -> None:
-        """``further``: of some candidates one place more than those of their grids.
+        """``further``: of some candidates with one grid, one place more than those of it, in order.
 
         ``made``: all pieces of some of the other candidates, that need not be made again.
         """
@@ -47,8 +47,10 @@ class Linearised:
         self.further = dict(further)
         self.values = [grid_values(effect) for effect in model.effects]
         for j, place in further.items():
-            free = [p.name for p in model.effects[j].parameters if not p.linear]
-            self.values[j] = sorted([*self.values[j], place], key=lambda v: [v[p] for p in free])
+            (free,) = (p.name for p in model.effects[j].parameters if not p.linear)
+            first, *_, last = (v[free] for v in self.values[j])
+            every = [*self.values[j], place]
+            self.values[j] = sorted(every, key=itemgetter(free), reverse=first > last)
         self.width = sum(
             (2 if affine(effect) else len(v)) * sum(p.linear for p in effect.parameters)
             for effect, v in zip(model.effects, self.values, strict=True)

@@ -29,6 +29,7 @@ from trunnion.machine.budget import Input
 from trunnion.machine.chain import Chain
 from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner
 from trunnion.machine.estimate import Estimate
+from trunnion.models.warming import settled
 from trunnion.probing.identify import mistakes_in
 from trunnion.probing.inputs import inputs_of, stated_of, turning
 from trunnion.probing.model import (
@@ -49,6 +50,7 @@ MAX_KEPT = 1_000_000
 MAX_FITS = 16
 """Residuals that are kept."""
 MAX_MOMENTS = 48
+MINUTES = 1.0  # time constant at which an effect with one is linearised
 DURATIONS = 10
 MIN_BESIDE_SLIP = 5  # touches; fewer of them look like outliers
 MAX_DISTANCE_UM = 5000.0
@@ -183,8 +185,7 @@ class TouchDiagnosisModel(Model):
         known = self._at.get(nuisance.tobytes())
         if known is not None and not values[self._plain :].any():
             return np.asarray(known[self._unknown].T)
-        rates = self._rates(self._model(ids), [values], self._unknown.tolist())
-        return np.asarray(rates[0].T)
+        return np.asarray(self._rates(self._model(ids), values, self._unknown.tolist()).T)
 
     def effect_jacobian(
         self, nuisance: Floats, effect: Effect, values: Mapping[str, float]
@@ -193,8 +194,9 @@ class TouchDiagnosisModel(Model):
         if effect.id not in self._columns:
             return effect.columns(values)
         if self._searched.get(effect.id) == "duration":
-            every = range(len(effect.parameters))
-            return np.asarray(self._with_durations(nuisance, effect, [values], every)[0].T)
+            ids, at = self._vector(nuisance, {effect.id: values})
+            every = range(self._plain, len(at))
+            return np.asarray(self._rates(self._model(ids), at, every).T)
         columns = self._all_columns(nuisance)[self._columns[effect.id]]
         return self._in_force(effect, columns, values).T
 
@@ -223,25 +225,27 @@ class TouchDiagnosisModel(Model):
         """Exact derivative by an effect's linear parameters, a column a row, (v, k, n)."""
         if effect.id not in self._columns:
             return super().linear_columns(nuisance, effect, values)
-        if self._searched.get(effect.id) == "duration":
-            each = [i for i, p in enumerate(effect.parameters) if p.linear]
-            return self._with_durations(nuisance, effect, values, each)
         columns = self._all_columns(nuisance)[self._linear[effect.id]]
-        if self._searched.get(effect.id) == "moment":
-            return columns * self._after(effect, values)
+        if effect.id in self._searched:
+            return columns * self._share(effect, values)
         return columns[None] if len(values) == 1 else np.repeat(columns[None], len(values), axis=0)
 
     def _in_force(self, effect: Effect, columns: Floats, values: Mapping[str, float]) -> Floats:
         """Columns (k, n) of an effect from its moment on, where it has one."""
         if self._searched.get(effect.id) != "moment":
             return columns
-        return np.asarray(columns * self._after(effect, [values])[0])
+        return np.asarray(columns * self._share(effect, [values])[0])
 
-    def _after(self, effect: Effect, values: Sequence[Mapping[str, float]]) -> Floats:
-        """1 for touches after each moment of an effect, as if it had always been so, (v, 1, n)."""
-        moment = next(p.name for p in effect.parameters if not p.linear)
-        at = np.array([one[moment] for one in values])
-        return np.asarray(np.asarray(self.data.time_s) >= at[:, None, None], dtype=np.float64)
+    def _share(self, effect: Effect, values: Sequence[Mapping[str, float]]) -> Floats:
+        """What is there at each touch of an effect that begins or comes to its end, (v, 1, n).
+
+        From each of its moments on all of it, or by each of its time constants.
+        """
+        searched = next(p.name for p in effect.parameters if not p.linear)
+        at = np.array([one[searched] for one in values])[:, None, None]
+        if self._searched[effect.id] == "moment":
+            return np.asarray(np.asarray(self.data.time_s) >= at, dtype=np.float64)
+        return settled(self._minutes, at)
 
     def _vector(self, nuisance: Floats, effects: EffectValues) -> tuple[tuple[str, ...], Floats]:
         """Built-in effects among these, and the core's parameter vector for them."""
@@ -270,32 +274,29 @@ class TouchDiagnosisModel(Model):
         return self._at[key]
 
     def _of_catalogue(self, model: TouchModel, nuisance: Floats, columns: Sequence[int]) -> Floats:
-        """Return the derivative by some parameters of a model, no effect acting, (k, n)."""
+        """Return the derivative by some parameters of a model, no effect acting, (k, n).
+
+        Those of effects with a moment or a time constant are as of effects that are all there.
+        """
         values = np.zeros(len(model.names))
         values[: self._plain] = self._whole(nuisance)
         for n, kind in enumerate(model.kinds):
             if kind == "duration":
-                values[n] = 1.0
+                values[n] = MINUTES
             elif kind == "moment":
                 values[n] = float(self._times[0]) - 1.0
-        return np.asarray(self._rates(model, [values], columns)[0])
+        rates = self._rates(model, values, columns)
+        at = {column: row for row, column in enumerate(columns)}
+        for id_, kind in self._searched.items():
+            if kind == "duration" and id_ in model.effect_ids:
+                share = settled(self._minutes, MINUTES)
+                rows = [at[model.names.index(self._full.names[c])] for c in self._linear[id_]]
+                rates[rows] /= np.where(share == 0.0, 1.0, share)  # nothing is there yet
+        return rates
 
-    def _with_durations(
-        self,
-        nuisance: Floats,
-        effect: Effect,
-        values: Sequence[Mapping[str, float]],
-        parameters: Sequence[int],
-    ) -> Floats:
-        """Return the derivative by parameters of an effect at each of some values, (v, k, n)."""
-        model = self._model((effect.id,))
-        at = [self._vector(nuisance, {effect.id: one})[1] for one in values]
-        return self._rates(model, at, [self._plain + i for i in parameters])
-
-    def _rates(self, model: TouchModel, values: Sequence[Floats], columns: Sequence[int]) -> Floats:
-        """Return the derivative by some parameters of a model at each of some values, (v, k, n)."""
-        rates = model.core.rates(self._moves, np.stack(values), columns)
-        return np.asarray(rates.reshape(len(values), len(columns), -1))
+    def _rates(self, model: TouchModel, values: Floats, columns: Sequence[int]) -> Floats:
+        """Return the derivative by some parameters of a model at some values, (k, n)."""
+        return np.asarray(model.core.rates(self._moves, values[None], columns))
 
     def _model(self, ids: tuple[str, ...]) -> TouchModel:
         if ids not in self._models:
@@ -320,6 +321,11 @@ class TouchDiagnosisModel(Model):
     def _times(self) -> Floats:
         """Distinct times of the touches, s."""
         return np.unique(np.asarray(self.data.time_s))
+
+    @property
+    def _minutes(self) -> Floats:
+        """Time of each touch, min."""
+        return np.asarray(self.data.time_s) / 60.0
 
     def _parameter(self, name: str, unit: str, kind: str) -> Parameter:
         unit = UNITS.get(unit, unit)

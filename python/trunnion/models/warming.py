@@ -37,4 +37,9 @@ class _Warming:
     enters: Floats
 
     def __call__(self, values: Mapping[str, float]) -> Floats:
-        return np.asarray(self.enters * (1 - np.exp(-self.minutes / values["tau_min"])))[:, None]
+        return (self.enters * settled(self.minutes, values["tau_min"]))[:, None]
+
+
+def settled(minutes: Floats, tau_min: Floats | float) -> Floats:
+    """Share of a displacement that is there, which comes to its end with a time constant."""
+    return np.asarray(1 - np.exp(-minutes / tau_min))
