@@ -307,8 +307,12 @@ class _Waves:
     @classmethod
     def of(cls, named: Iterable[Parameter], parts: Sequence[tuple[Floats, Floats]]) -> _Waves:
         """Keep of many readings those along each part's axis."""
-        kept = ((k := _acting(w), s[k], w[k]) for s, w in parts)
-        return cls(tuple(p.name for p in named), len(parts[0][0]), tuple(kept))
+        some = [_acting(w) for _, w in parts]
+        # Without gaps in memory: columns of a table are read again at every period.
+        place = [np.ascontiguousarray(s[k]) for k, (s, _) in zip(some, parts, strict=True)]
+        enters = [np.ascontiguousarray(w[k]) for k, (_, w) in zip(some, parts, strict=True)]
+        kept = tuple(zip(some, place, enters, strict=True))
+        return cls(tuple(p.name for p in named), len(parts[0][0]), kept)
 
     def change(self, values: NamedValues) -> Floats:
         rows = np.empty((2, self.count))

@@ -277,8 +277,10 @@ class BallbarModel(Model):
 
     def _runs_share_setups(self) -> bool:
         """Whether every set-up has several runs, so that leaving one out keeps its centre."""
-        pairs = np.unique(np.stack([self.index, self.path.runs], axis=1), axis=0)
-        return bool(np.bincount(pairs[:, 0]).min() > 2)
+        runs = self.path.runs
+        seen = np.zeros((int(self.index.max()) + 1, int(runs.max()) + 1), dtype=bool)
+        seen[self.index, runs] = True
+        return bool(seen.sum(axis=1).min() > 2)
 
     @property
     def replicates(self) -> Integers | None:
