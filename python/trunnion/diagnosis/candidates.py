@@ -20,6 +20,7 @@ from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.columns import (
     DEPENDENT,
     ROUNDING,
+    Among,
     Part,
     Piece,
     Shelf,
@@ -27,7 +28,6 @@ from trunnion.diagnosis.columns import (
     inner,
     neighbours,
     products,
-    products_among,
     squared_products,
     storage,
     unit_blocks,
@@ -101,6 +101,7 @@ class Candidates:
     positive: frozenset[int] = frozenset()  # candidates of one column, nothing if negative
     stated: Mapping[int, float] = MappingProxyType({})  # candidates whose size is known to be small
     _banned: frozenset[int] = frozenset()
+    _inner_products: Among  # of blocks that were asked for together
     _last: tuple[Floats, Floats] | None = None  # residuals and their products
     _known: "tuple[Candidates, int] | None" = None  # what these are beside, and its count of parts
 
@@ -226,6 +227,8 @@ class Candidates:
         self.identifiable = np.unique(self.owner)
         self.not_identifiable = np.setdiff1d(np.arange(self.count), self.identifiable)
         self._gram_rows: dict[int, Floats] = {}
+        first = None if self._known is None else self._known[0]
+        self._inner_products = Among() if first is None else first._inner_products.copied()
         if self._known is None:
             self._lengths: dict[int, float] = {}
         self._group()
@@ -338,7 +341,7 @@ class Candidates:
     def gram(self, blocks: Sequence[int]) -> Floats:
         """Inner products of the columns of blocks with each other, (K, K)."""
         if len(self._basis) < MANY_ROWS:
-            return products_among([self._place(b) for b in blocks])
+            return self._inner_products.gram(blocks, self.columns)
         self.prepare(blocks)
         every = np.concatenate([np.arange(self.width)[self.span(b)] for b in blocks])
         return np.concatenate([self._gram_rows[b][:, every] for b in blocks])

@@ -281,6 +281,11 @@ class Case:
         return {}
 
     @cached_property
+    def fits(self) -> dict[tuple[tuple[int, int], ...], Fit]:
+        """Fit of the last set of candidates and their variants (:mod:`.explain`)."""
+        return {}
+
+    @cached_property
     def structures(self) -> "dict[tuple[Term, Fit], tuple[Case, Fit, FormulaEffect] | None]":
         """Fits with a term of structure beside another fit (:mod:`.structure`)."""
         return {}

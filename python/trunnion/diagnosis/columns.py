@@ -4,8 +4,8 @@ Columns are rows of arrays here. Of many readings those of candidates with a gri
 precision, and the sums in double.
 """
 
-import itertools
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol, TypeAlias
@@ -157,37 +157,37 @@ def products(parts: Sequence[Floats | Part], r: Floats) -> Floats:
     return np.concatenate(found)
 
 
-def products_among(places: Sequence[tuple[Floats | Part, slice]]) -> Floats:
-    """Inner products of columns with each other (K, K): some of each of these parts."""
-    if not any(isinstance(part, Beside) for part, _ in places):
-        columns = np.concatenate([part[some] for part, some in places]).astype(np.float64)
-        return np.asarray(columns @ columns.T)
-    basis = next(part.basis for part, _ in places if isinstance(part, Beside))
-    # those of the same readings together, by the first of these and their count
-    of: dict[tuple[int, int], list[tuple[Integers, Floats]]] = {}
-    shared: list[Floats] = []
-    width = 0
-    for part, some in places:
-        place = np.arange(width, width + some.stop - some.start)
-        width += len(place)
-        if isinstance(part, Beside):
-            first, own, share = part.at.start, part.own[some], part.of_basis[some]
-        else:
-            first, own, share = 0, part[some], np.zeros((len(place), basis.shape[1]))
-        shared.append(share)
-        of.setdefault((first, own.shape[1]), []).append((place, own))
-    both = np.concatenate(shared)
-    out = np.asarray(-(both @ both.T))
-    joined = [
-        (first, np.concatenate([at for at, _ in x]), np.concatenate([own for _, own in x]))
-        for (first, _), x in of.items()
-    ]
-    for (first, mine, x), (other, theirs, y) in itertools.product(joined, repeat=2):
-        start, stop = max(first, other), min(first + x.shape[1], other + y.shape[1])
-        if start < stop:
-            own = x[:, start - first : stop - first] @ y[:, start - other : stop - other].T
-            out[np.ix_(mine, theirs)] += own
-    return out
+class Among:
+    """Inner products of blocks of columns that were asked for together, each worked out once."""
+
+    def __init__(self) -> None:
+        self._columns: list[Floats] = []
+        self._place: dict[int, Integers] = {}
+        self._gram = np.zeros((0, 0))
+
+    def copied(self) -> "Among":
+        """Return one that knows the same."""
+        new = copy(self)
+        new._columns, new._place = list(self._columns), dict(self._place)
+        return new
+
+    def gram(self, blocks: Sequence[int], columns: Callable[[int], Floats]) -> Floats:
+        """Inner products of all columns of some blocks, (K, K); ``columns``: of a block."""
+        if missing := [b for b in dict.fromkeys(blocks) if b not in self._place]:
+            self._add({b: columns(b).astype(np.float64, copy=False) for b in missing})
+        at = np.concatenate([self._place[b] for b in blocks])
+        return np.asarray(self._gram[at[:, None], at])
+
+    def _add(self, blocks: Mapping[int, Floats]) -> None:
+        """Add blocks of columns."""
+        first = len(self._gram)
+        for b, x in blocks.items():
+            self._place[b] = np.arange(first, first := first + len(x))
+        own = np.concatenate(list(blocks.values()))
+        before = [x @ own.T for x in self._columns]
+        self._columns.append(own)
+        beside = np.concatenate([np.zeros((0, len(own))), *before])
+        self._gram = np.block([[self._gram, beside], [beside.T, own @ own.T]])
 
 
 def neighbours(part: Floats | Part, some: slice, k: int) -> Floats:
@@ -231,10 +231,14 @@ class Shelf:
         return len(last) - self._used
 
     def add(self, part: Part) -> None:
-        """Add a part that is complete."""
+        """Add a part that is complete; columns of the same readings as the last go with these."""
         self.close()
-        self._parts.append(part)
         self.filled += len(part)
+        last = self._parts[-1] if self._parts else None
+        if isinstance(part, Beside) and isinstance(last, Beside) and part.goes_with(last):
+            self._parts[-1] = last.followed_by(part)
+        else:
+            self._parts.append(part)
 
     def close(self) -> None:
         """Give back the room that is left."""

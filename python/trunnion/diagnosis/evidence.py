@@ -23,7 +23,7 @@ Causes that are expected have their penalty instead: nothing is assumed of their
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -60,29 +60,45 @@ class Evidence:
     def values(self) -> Mapping[int, float]:
         """-2 ln of the mean likelihood of sets times what is assumed of them, by their masks."""
         s = self.search
-        rank = s.c.rank.tolist()
-        rough: dict[int, float] = {}
-        by_rank: dict[tuple[int, ...], dict[int, list[int]]] = {}
-        for mask, score in s.scores.items():
-            if score <= s.best + TO_WEIGH:
-                blocks = sorted(s.made[mask], key=lambda b: rank[b])
-                by_rank.setdefault(tuple(rank[b] for b in blocks), {})[mask] = blocks
-        for widths, sets in by_rank.items():
-            if not widths:
-                rss = max(s.empty.core.rss, s.score.least)
-                rough[0] = float(s.score.floor.deviance(rss, s.c.dof)) + s.more.get(0, 0.0)
-            elif sum(widths) < s.c.dof - 2:
-                values = self._at_best(widths, np.array(list(sets.values())))
-                values = values + [s.more.get(mask, 0.0) for mask in sets]
-                rough |= dict(zip(sets, values.tolist(), strict=True))
+        near = {
+            mask: tuple(sorted(s.made[mask]))
+            for mask, score in s.scores.items()
+            if score <= s.best + TO_WEIGH
+        }
+        self._weigh(near.values())
+        known = s.at_best
+        rough = {m: known[b] + s.more.get(m, 0.0) for m, b in near.items() if b in known}
         out: dict[int, float] = {}
         least = math.inf
         for mask, value in sorted(rough.items(), key=lambda one: one[1]):
             if value > least + NEGLIGIBLE:
                 break
-            out[mask] = value + self._of_variants(s.made[mask])
+            blocks = near[mask]
+            if blocks not in s.of_variants:
+                s.of_variants[blocks] = self._of_variants(blocks)
+            out[mask] = value + s.of_variants[blocks]
             least = min(least, out[mask])
         return out
+
+    def _weigh(self, sets: Iterable[tuple[int, ...]]) -> None:
+        """Find the odds of sets that are not known, at their values of nonlinear parameters.
+
+        Of those that are not larger than the readings allow.
+        """
+        s = self.search
+        rank = s.c.rank.tolist()
+        by_rank: dict[tuple[int, ...], dict[tuple[int, ...], list[int]]] = {}
+        for one in sets:
+            if one not in s.at_best:
+                blocks = sorted(one, key=lambda b: rank[b])
+                by_rank.setdefault(tuple(rank[b] for b in blocks), {})[one] = blocks
+        for widths, found in by_rank.items():
+            if not widths:
+                rss = max(s.empty.core.rss, s.score.least)
+                s.at_best[()] = float(s.score.floor.deviance(rss, s.c.dof))
+            elif sum(widths) < s.c.dof - 2:
+                values = self._at_best(widths, np.array(list(found.values())))
+                s.at_best |= dict(zip(found, values.tolist(), strict=True))
 
     @cached_property
     def _assumed(self) -> tuple[Floats, Floats, Floats]:

@@ -12,7 +12,7 @@ from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.explanation import Explanation, Sets
-from trunnion.diagnosis.fit import Fit, fit
+from trunnion.diagnosis.fit import Fit, fit, is_near
 from trunnion.diagnosis.in_steps import by_probability, chance_as_read
 from trunnion.diagnosis.part_of_wander import part_of_wander
 from trunnion.diagnosis.probability import NEAR_ODDS, Behind, Beside, Only, Probabilities
@@ -134,11 +134,26 @@ def _pruned(case: Case, members: dict[int, int], f: Fit) -> tuple[dict[int, int]
 
 
 def _fit_members(case: Case, members: dict[int, int]) -> Fit:
-    """Fit a set exactly: candidates and their variants."""
+    """Fit a set exactly: candidates and their variants. The last fit of a case is kept.
+
+    A cause of it that is near its variant begins where it was found: it is not sought again.
+    """
+    key = tuple(members.items())
+    if key in case.fits:
+        return case.fits[key]
     effects = [case.effects[j] for j in members]
     start = {case.effects[j].id: case.values[j][v] for j, v in members.items()}
-    plain = case.plain
-    return fit(case.model, case.rows, effects, plain.nuisance, start, case.whiten, plain.judged)
+    plain, last = case.plain, next(iter(case.fits.values()), None)
+    known = (
+        {} if last is None else {e.id: last.effects[e.id] for e in effects if e.id in last.effects}
+    )
+    near = {e.id for e in effects if e.id in known and is_near(e, known[e.id], start[e.id])}
+    start |= {id_: known[id_] for id_ in near}
+    nuisance = last.nuisance if last is not None and near else plain.nuisance
+    f = fit(case.model, case.rows, effects, nuisance, start, case.whiten, plain.judged, near)
+    case.fits.clear()
+    case.fits[key] = f
+    return f
 
 
 def _explained(case: Case) -> Explanation:
@@ -227,9 +242,10 @@ def _demanded(case: Case) -> tuple[Probabilities, Fit, Alarm]:
     plain, candidates = case.plain, case.candidates
     # Which readings to leave out is a choice of its own, and takes half of the level.
     level = CAUSE_LEVEL if case.complete else CAUSE_LEVEL / 2
+    first = search(candidates, plain.white, floor=case.floor)
     while True:
         alarm = Alarm.of_causes(case)
-        searched = by_probability(case, search(candidates, plain.white, floor=case.floor))
+        searched = by_probability(case, first)
         chances = Probabilities(searched, candidates)
         demanded = (not searched.more and searched.top.score < searched.nothing.score - WITHIN) or (
             alarm.p < level and alarm.holds(level)
@@ -246,6 +262,7 @@ def _demanded(case: Case) -> tuple[Probabilities, Fit, Alarm]:
         if not bad:
             return chances, extended, alarm
         candidates.ban(bad)
+        first = first.without(bad)
 
 
 def _undetermined(case: Case, f: Fit, searched: Search) -> set[int]:

@@ -6,7 +6,7 @@ leftovers of second order look like information. A fit moves in the directions t
 """
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TypeAlias
@@ -103,8 +103,9 @@ class Fit:
 
 def grid_values(effect: Effect) -> list[Values]:
     """Values at each point of the grid of an effect's nonlinear parameters, linear ones 0."""
-    grids = [p.grid if p.grid else (0.0,) for p in effect.parameters]
-    return [effect.values(map(float, row)) for row in itertools.product(*grids)]
+    names = [p.name for p in effect.parameters]
+    grids = [tuple(map(float, p.grid)) if p.grid else (0.0,) for p in effect.parameters]
+    return [Values(zip(names, row, strict=True)) for row in itertools.product(*grids)]
 
 
 def variant_columns(
@@ -144,16 +145,18 @@ def fit(
     values: dict[str, Values],
     whiten: Whiten,
     judged: LinearFit | None = None,
+    near: Collection[str] = (),
 ) -> Fit:
     """Gauss-Newton from ``start``; nonlinear parameters are first zoomed in on, one at a time.
 
     ``rows``: readings used. ``whiten`` maps all readings. ``judged``: of another fit of the model
-    to the same rows with the same weights.
+    to the same rows with the same weights. ``near``: ids of effects whose ``values`` are near the
+    best already.
     """
     problem = _Problem(model, rows, effects, whiten, judged)
     at = _Point(start.copy(), {k: Values(v) for k, v in values.items()})
-    if not all(e.linear for e in effects):
-        _zoom(problem, at)
+    if not all(e.linear or e.id in near for e in effects):
+        _zoom(problem, at, near)
     r = problem.residuals(at)
     w = problem.used(r)
     rss = float(w @ w)
@@ -376,10 +379,27 @@ def _downhill(
     return None
 
 
-def _zoom(problem: _Problem, at: _Point) -> None:
+def is_near(effect: Effect, values: Values, place: Values) -> bool:
+    """Whether nonlinear parameters are between the neighbours of a place on their grids."""
+    free = ((np.asarray(p.grid), p.name) for p in effect.parameters if not p.linear)
+    return all(
+        low <= values[name] <= high
+        for grid, name in free
+        for low, high in [_neighbours(grid, place[name])]
+    )
+
+
+def _neighbours(grid: Array, value: float) -> tuple[float, float]:
+    """Places of a grid before and after the one that is nearest to a value."""
+    at = int(np.argmin(np.abs(grid - value)))
+    return float(grid[max(at - 1, 0)]), float(grid[min(at + 1, len(grid) - 1)])
+
+
+def _zoom(problem: _Problem, at: _Point, near: Collection[str]) -> None:
     """Refine nonlinear parameters between the neighbours of their grid values, in place.
 
-    The linear parameters of all effects are solved for at each trial; they are left at zero.
+    Those of effects that are ``near`` the best stay. The linear parameters of all effects are
+    solved for at each trial; they are left at zero.
     """
     model, effects, values = problem.model, problem.effects, at.values
     y = problem.used(model.readings.values - model.predict(at.nuisance, {}))
@@ -394,7 +414,7 @@ def _zoom(problem: _Problem, at: _Point) -> None:
         base = base @ problem.judged.directions.T
     others = _Others(base, effects, columns)
     for e in effects:
-        if e.linear:
+        if e.linear or e.id in near:
             continue
         q, residual = others.without(e, y)
         for p in e.parameters:
@@ -460,9 +480,7 @@ def linear_of(effect: Effect, rows: int) -> slice | list[int]:
 
 def _zoom_one(name: str, grid: Array, values: Values, gains_of: Callable[[Array], Array]) -> None:
     """Refine one nonlinear parameter for the largest gain, in place."""
-    at = int(np.argmin(np.abs(grid - values[name])))
-    low = float(grid[max(at - 1, 0)])
-    high = float(grid[min(at + 1, len(grid) - 1)])
+    low, high = _neighbours(grid, values[name])
     for _ in range(GRID_ZOOMS):
         trials = np.linspace(low, high, ZOOM_POINTS)
         gains = gains_of(trials)

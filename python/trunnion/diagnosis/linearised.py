@@ -68,21 +68,39 @@ class Linearised:
         every = {**self.further, **further}
         return Linearised(self.model, self.nuisance, self.whiten, every, made)
 
+    def place(self, id_: str) -> Values | None:
+        """Return the place of an effect beside those of its grid, if there is one."""
+        of = ((self.model.effects[j].id, place) for j, place in self.further.items())
+        return next((place for name, place in of if name == id_), None)
+
     def pieces(self) -> Iterable[Piece]:
         """Give the number of a candidate and some of its variants (v, n, k), in order."""
         return self._make(range(len(self.values))) if self._kept is None else self._kept
 
+    def columns(self, id_: str, values: Sequence[Values]) -> Floats | None:
+        """White columns of an effect at these values, (v, n, k); None: not all are kept."""
+        known = self._by_effect.get(id_)
+        if known is None:
+            return None
+        places, columns = known
+        at = [places.get(tuple(v.values())) for v in values]
+        if at == list(range(len(columns))):
+            return columns
+        found = [i for i in at if i is not None]
+        return columns[found] if len(found) == len(at) else None
+
     @cached_property
-    def known(self) -> dict[tuple[str | float, ...], Floats]:
-        """White columns (n, k) that are kept, by effect and the values of its parameters."""
-        out, reached = dict[tuple[str | float, ...], Floats](), [0] * len(self.values)
+    def _by_effect(self) -> dict[str, tuple[dict[tuple[float, ...], int], Floats]]:
+        """White columns of each effect of which all are kept, and at which values each are."""
+        pieces: dict[int, list[Floats]] = {}
         for j, piece in self._kept or ():
             if isinstance(piece, np.ndarray):
-                id_, first = self.model.effects[j].id, reached[j]
-                reached[j] += len(piece)
-                own = zip(self.values[j][first : reached[j]], piece, strict=True)
-                out |= {(id_, *v.values()): x for v, x in own}
-        return out
+                pieces.setdefault(j, []).append(piece)
+        places = {j: {tuple(v.values()): i for i, v in enumerate(self.values[j])} for j in pieces}
+        return {
+            self.model.effects[j].id: (places[j], x[0] if len(x) == 1 else np.concatenate(x))
+            for j, x in pieces.items()
+        }
 
 
 def _pieces(

@@ -265,6 +265,11 @@ class Model:
         return None
 
     @property
+    def places(self) -> Mapping[int, Values]:
+        """Places of candidates beside those of their grids, by the candidate's number: none."""
+        return {}
+
+    @property
     def allows_outliers(self) -> bool:
         """Whether single readings can be false (a chip, a false trigger) and may be set aside."""
         return True

@@ -54,7 +54,7 @@ def whitened(model: Model, plain: Fit, grid: Grid | None, whiten: Whiten) -> Cas
     if dependent or (isinstance(whiten, Whiteners) and whiten.known):
         # Whitened readings have a variance of 1; dependent ones count as fewer than they are.
         floor = Floor(max(floor.variance, 1.0))
-    linearised = Linearised(model, plain.nuisance, whiten)
+    linearised = Linearised(model, plain.nuisance, whiten, model.places)
     return Case(model, rows, whiten, plain, linearised, floor, grid)
 
 

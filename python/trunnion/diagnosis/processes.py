@@ -1,6 +1,7 @@
 """Smooth processes that may act instead of causes of the best set, or beside it."""
 
-from collections.abc import Iterator, Sequence
+import itertools
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.linalg import orth
@@ -94,28 +95,22 @@ def _compared(
     columns = np.concatenate([none, *(c.columns(b).T for b in blocks)], axis=1)
     widths, many = c.rank[list(blocks)].tolist(), len(blocks) > MAX_REPLACED
     whole = Sums.together([q.sums(columns) for q in quantities])
-    sets = list(_fewer(whole, widths, FEW_REPLACED if many else len(blocks)))
+    own = np.split(np.arange(sum(widths)), np.cumsum(widths)[:-1])
+    sets = _left_out(len(blocks), FEW_REPLACED if many else len(blocks))
+    found = [whole.without([j for i in gone for j in own[i].tolist()]) for gone in sets]
     if many:
         nothing = Sums.together([q.sums(none) for q in quantities])
-        sets.append((tuple(range(len(blocks))), nothing))
-    left, log_det = (np.stack(x) for x in zip(*((x.left, x.log_det) for _, x in sets), strict=True))
+        sets.append(tuple(range(len(blocks))))
+        found.append(nothing.without())
+    left, log_det = (np.stack(x) for x in zip(*found, strict=True))
     deviances = quantities[0].deviances(left, log_det)
     scores, penalty = mean_deviance(deviances), c.penalty[list(blocks)]
-    scores += np.array([np.sum(np.delete(penalty, gone)) for gone, _ in sets])[:, None]
+    scores += np.array([np.sum(np.delete(penalty, gone)) for gone in sets])[:, None]
     least = np.argmin(scores, axis=1).tolist()
     return [(float(s[i]), x[i], i) for s, x, i in zip(scores, deviances, least, strict=True)]
 
 
-def _fewer(
-    sums: Sums, widths: Sequence[int], most: int, begin: int = 0
-) -> Iterator[tuple[tuple[int, ...], Sums]]:
-    """Leave out blocks, at most so many at a time: which of them, and the sums beside the others.
-
-    ``widths``: of the blocks that may go; ``begin``: first column of these.
-    """
-    yield (), sums
-    for i, width in enumerate(widths if most else ()):
-        smaller = sums.without(range(begin, begin + width))
-        for gone, one in _fewer(smaller, widths[i + 1 :], most - 1, begin):
-            yield (i, *(i + 1 + j for j in gone)), one
-        begin += width
+def _left_out(count: int, most: int) -> list[tuple[int, ...]]:
+    """Which of so many causes may go, at most so many at a time; none of them first."""
+    sizes = range(most + 1)
+    return [gone for k in sizes for gone in itertools.combinations(range(count), k)]

@@ -327,8 +327,10 @@ def _absorbed(case: Case, candidates: Candidates, std: dict[str, float], f: Fit)
     )
     along = case.white(plain.jacobian) @ plain.directions.T
     rank = dict.fromkeys(map(int, candidates.not_identifiable), 0)
-    for owner, of_block in zip(candidates.owner, candidates.rank, strict=True):
-        rank.update((j, max(rank.get(j, 0), int(of_block))) for j in candidates.alike[int(owner)])
+    largest = np.zeros(candidates.count, dtype=np.intp)  # of the blocks of each leader
+    np.maximum.at(largest, candidates.owner, candidates.rank)
+    for leader, alike in candidates.alike.items():
+        rank.update(dict.fromkeys(alike, int(largest[leader])))
     for j, effect in enumerate(case.effects):
         linear = [p for p in effect.parameters if p.linear]
         if rank.get(j, len(linear)) == len(linear) or (rank[j] and effect.id in f.effects):

@@ -22,7 +22,7 @@ The search is over sets, not one cause after the other: a beam keeps the best se
 then every cause of the best sets is tried against every other.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -135,6 +135,8 @@ class Search:
         Blocks of each of these sets.
     more:
         What was added to scores of sums of squares where sets were scored otherwise, by masks.
+    at_best, of_variants:
+        What is known of the evidence of sets, by their blocks in order (:mod:`.evidence`).
     """
 
     def __init__(self, c: Candidates, r: Floats, floor: Floor, within: float) -> None:
@@ -153,6 +155,8 @@ class Search:
         self.made: dict[int, tuple[int, ...]] = {0: ()}
         self.best = self.nothing.score
         self.more: Mapping[int, float] = {}
+        self.at_best: dict[tuple[int, ...], float] = {}
+        self.of_variants: dict[tuple[int, ...], float] = {}
 
     @property
     def found(self) -> list[Found]:
@@ -165,10 +169,14 @@ class Search:
         """The best set that is not empty, if there is one near the best score; else the empty."""
         return next(iter(self.found), self.nothing)
 
-    def widen(self, beam: int, most: int) -> None:
-        """Keep the best sets of each size and add every candidate to them, while that helps."""
-        states = [self.expected()]
-        for _ in range(min(most, len(self.c.leaders), self.c.dof - 2)):
+    def widen(self, beam: int, most: int, begin: Sequence[_State] = ()) -> None:
+        """Keep the best sets of each size and add every candidate to them, while that helps.
+
+        ``begin``: sets to begin with; by default what costs nothing to name.
+        """
+        states = list(begin) or [self.expected()]
+        most = min(most, len(self.c.leaders), self.c.dof - 2)
+        for _ in range(most - max(len(s.blocks) for s in begin) if begin else most):
             before = self.best
             chosen = self.grow(states, beam)
             scores = [self.known[s.mask | self.bit(block)].score for s, block in chosen]
@@ -179,17 +187,49 @@ class Search:
 
     def take_over(self, other: "Search", keep: int) -> None:
         """Know the sets of a search among fewer candidates; try every other beside the best."""
-        for mask, score in other.scores.items():
-            if mask not in self.scores:
-                self.scores[mask], self.made[mask] = score, other.made[mask]
-        for mask, f in other.known.items():
-            penalty = float(np.sum(self.c.penalty[list(f.blocks)]))
-            score = float(self.score(f.rss, f.columns, penalty))  # not settled yet
+        self._recall(other, other.made)
+        self.at_best, self.of_variants = dict(other.at_best), dict(other.of_variants)
+        if near := [self.built(f.blocks) for f in other.found[:keep]]:
+            self.grow(near, keep)
+
+    def _recall(self, other: "Search", masks: Collection[int]) -> None:
+        """Know some sets of another search, with their scores before they were settled."""
+        for mask in masks:
+            if mask in other.scores and mask not in self.scores:
+                self.scores[mask], self.made[mask] = other.scores[mask], other.made[mask]
+        near = {mask: other.known[mask] for mask in masks if mask in other.known}
+        rss, columns = np.array([(f.rss, f.columns) for f in near.values()]).T
+        penalty = np.array([np.sum(self.c.penalty[list(f.blocks)]) for f in near.values()])
+        scores = self.score(rss, columns, penalty).tolist()
+        for (mask, f), score in zip(near.items(), scores, strict=True):
             self.scores[mask], self.made[mask] = score, f.blocks
             self.remember(mask, f.blocks, score, f.rss, f.columns)
         self.best = min(f.score for f in self.known.values())
-        if near := [self.built(f.blocks) for f in other.found[:keep]]:
-            self.grow(near, keep)
+
+    def without(
+        self, banned: Collection[int], beam: int = BEAM, most: int = MAX_CAUSES
+    ) -> "Search":
+        """Search again without some candidates, which are banned now.
+
+        It begins with the best sets that have none of them, and what they leave of others.
+        """
+        gone = sum(1 << j for j in banned)
+        new = copy(self)
+        new.known, new.scores, new.made = {0: self.nothing}, {0: self.nothing.score}, {0: ()}
+        new.core = new._core()
+        new.empty = _State(0, (), new.core.empty(self.residual, self.nothing.rss))
+        new._path = [new.empty]
+        new._recall(self, [mask for mask in self.made if not mask & gone])
+        left = [tuple(b for b in f.blocks if self.owner[b] not in banned) for f in self.found]
+        begin = [new._noted(blocks) for blocks in dict.fromkeys(left)]
+        near = sorted(new.known.values(), key=lambda f: f.score)[:beam]
+        known = {s.mask for s in begin}
+        new.scores |= {mask: new.known[mask].score for mask in known}
+        begin += [s for s in (new.built(f.blocks) for f in near) if s.mask not in known]
+        new.widen(beam, most, begin)
+        new.exchange()
+        new.settle()
+        return new
 
     def exchange(self) -> None:
         """Try each cause of the best sets against every other candidate."""
@@ -294,7 +334,10 @@ class Search:
 
     def expected(self) -> _State:
         """Set of what costs nothing to name; the empty one if there is none."""
-        blocks = tuple(map(int, np.flatnonzero(self.c.penalty == 0)))
+        return self._noted(tuple(map(int, np.flatnonzero(self.c.penalty == 0))))
+
+    def _noted(self, blocks: tuple[int, ...]) -> _State:
+        """State of a set, which is known from now on."""
         state = self.built(blocks)
         if blocks:
             columns, rss = state.core.columns, state.core.rss

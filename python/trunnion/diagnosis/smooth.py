@@ -84,26 +84,19 @@ class Sums:
         """Those of several kinds of noise, beside the same columns."""
         return cls(np.stack([x.table for x in several]), np.stack([x.of_noise for x in several]))
 
-    def without(self, columns: range) -> Sums:
-        """Return those beside the other columns."""
-        table, of_noise = self.table, self.of_noise
-        for j in columns:
-            pivot = table[..., j, j]
-            column = table[..., j]
-            table = table - column[..., None] * (column / pivot[..., None])[..., None, :]
+    def without(self, columns: Sequence[int] = ()) -> tuple[Floats, Floats]:
+        """Sums of squares (..., m) beside all columns but some, and logarithms of determinants.
+
+        Of each noise; what is kept of the table is what these columns and the residuals need.
+        """
+        some = np.append(np.asarray(columns, dtype=np.intp), self.table.shape[-1] - 1)
+        table, of_noise = self.table[..., some[:, None], some], self.of_noise
+        for _ in columns:
+            pivot, row = table[..., 0, 0], table[..., 0, 1:]
+            share = row / pivot[..., None]
+            table = table[..., 1:, 1:] - share[..., None] * row[..., None, :]
             of_noise = of_noise + np.log(pivot)
-        kept = np.delete(np.arange(table.shape[-1]), columns)
-        return Sums(table[..., kept[:, None], kept], of_noise)
-
-    @property
-    def left(self) -> Floats:
-        """Sum of squares in each noise, (..., m)."""
-        return np.asarray(-self.table[..., :-1, -1, -1])
-
-    @property
-    def log_det(self) -> Floats:
-        """Logarithm of the determinant of each noise beside the columns, (..., m)."""
-        return np.asarray(self.of_noise[..., :-1] - self.of_noise[..., -1:])
+        return -table[..., :-1, 0, 0], of_noise[..., :-1] - of_noise[..., -1:]
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,8 +161,7 @@ class Along:
 
     def beside(self, fitted: Floats) -> Process:
         """Return the likeliest process beside columns (n, q) that are fitted, too."""
-        sums = self.sums(fitted)
-        return self.process(self.deviances(sums.left, sums.log_det))
+        return self.process(self.deviances(*self.sums(fitted).without()))
 
 
 def mean_deviance(deviances: Floats) -> Floats:

@@ -39,10 +39,12 @@ from trunnion.models.parts import (
     Acts,
     ExtendedJoint,
     Part,
+    are_alike,
     joined_components,
     joined_covariates,
     joined_labels,
     joined_readings,
+    places_of,
 )
 from trunnion.setup.names import shared_label
 
@@ -116,7 +118,7 @@ class JointModel(Model):
             for own in part.model.effects:
                 known = part.model.shared(own)
                 id_, sign = (self._instrument(part, own), 1.0) if known is None else known
-                if id_ in made and not _alike(made[id_], own):
+                if id_ in made and not are_alike(made[id_], own):
                     id_, sign = f"{part.name}:{own.id}", 1.0
                 self._acts.setdefault(id_, []).append(Acts(i, own, sign))
                 if id_ not in made:
@@ -252,6 +254,11 @@ class JointModel(Model):
     def start(self) -> Floats:
         """Values that the parts start from."""
         return self._start.copy()
+
+    @property
+    def places(self) -> dict[int, Values]:
+        """Places of what acts on one part, that its own diagnosis found between those of grids."""
+        return places_of(self.parts, self.effects, self._acts)
 
     def _of_part(
         self, i: int, nuisance: Floats, effects: EffectValues
@@ -486,12 +493,3 @@ class JointModel(Model):
         if id_ == self.alike:
             return STANDARD
         return APART if any(self.apart.get(i, ("", ""))[1] == id_ for i in effects) else ""
-
-
-def _alike(first: Effect, other: Effect) -> bool:
-    """Whether two effects have the same parameters, or one each in the same unit."""
-    if len(first.parameters) == len(other.parameters) == 1:
-        one, two = first.parameters[0], other.parameters[0]
-        return one.linear and two.linear and one.unit == two.unit
-    names = [p.name for p in first.parameters]
-    return names == [p.name for p in other.parameters] and first.linear == other.linear

@@ -80,11 +80,9 @@ class Part:
 
     def white_columns(self, nuisance: Floats, effect: Effect, values: Sequence[Values]) -> Floats:
         """Return columns of an effect's linear parameters at each of some values, (v, k, n)."""
-        if self.linearised is not None:
-            known = self.linearised.known
-            columns = [known.get((effect.id, *one.values())) for one in values]
-            if all(one is not None for one in columns):
-                return np.stack([one.T for one in columns if one is not None]) / self.whiten.size
+        known = None if self.linearised is None else self.linearised.columns(effect.id, values)
+        if known is not None:
+            return known.transpose(0, 2, 1) / self.whiten.size
         made = self.model.white_columns(nuisance, effect, values, self.whiten)
         return np.asarray(made.transpose(0, 2, 1))
 
@@ -155,6 +153,29 @@ def joined_components(parts: Sequence[Part]) -> dict[str, Floats]:
         name: np.concatenate([x.get(name, zero) for x, zero in zip(own, none, strict=True)])
         for name in names
     }
+
+
+def places_of(
+    parts: Sequence[Part], effects: Sequence[Effect], acting: Mapping[str, Sequence[Acts]]
+) -> dict[int, Values]:
+    """Places of effects that act on one part, which that found beside those of their grids."""
+    out: dict[int, Values] = {}
+    for j, effect in enumerate(effects):
+        acts = acting.get(effect.id, ())
+        known = parts[acts[0].part].linearised if len(acts) == 1 else None
+        place = None if known is None else known.place(acts[0].effect.id)
+        if place is not None:
+            out[j] = effect.values(place.values())
+    return out
+
+
+def are_alike(first: Effect, other: Effect) -> bool:
+    """Whether two effects have the same parameters, or one each in the same unit."""
+    if len(first.parameters) == len(other.parameters) == 1:
+        one, two = first.parameters[0], other.parameters[0]
+        return one.linear and two.linear and one.unit == two.unit
+    names = [p.name for p in first.parameters]
+    return names == [p.name for p in other.parameters] and first.linear == other.linear
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
