@@ -58,6 +58,10 @@ def test_products_of_columns_are_those_of_the_columns_however_they_are_asked_for
     blocks = [len(more.owner) - 1, 3, 0]
     columns = np.concatenate([more.columns(b) for b in blocks])
     assert np.allclose(more.gram(blocks), columns @ columns.T, atol=1e-12)
+    further = c.with_variants({11: (0, rng.normal(size=(1, 80, 1)))}, {})
+    blocks = list(range(len(further.owner)))
+    columns = np.concatenate([further.columns(b) for b in blocks])
+    assert np.allclose(further.gram(blocks), columns @ columns.T, atol=1e-12)
 
 
 @pytest.mark.parametrize("gone", [(), (0,), (2, 3), (0, 1, 2, 3, 4)])

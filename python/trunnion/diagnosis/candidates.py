@@ -197,7 +197,7 @@ class Candidates:
         if self._last is not None:
             r, known = self._last
             new._last = r, np.concatenate([known, products(shelf.parts(), r)])
-        new._gram_rows = {}
+        new._gram_rows, new._inner_products = {}, Among()  # blocks have other numbers
         new._lengths = {j: length for j, length in self._lengths.items() if j not in further}
         new._price(None)
         return new
