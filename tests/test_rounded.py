@@ -2,11 +2,17 @@
 
 import numpy as np
 import pytest
+from scipy import stats
 
+import from_twin
 import trunnion as tn
+from power import ticks
 from power.steps import ROWS, tally
 from trunnion.base.rounded import place_of, rounds_to_all
 from trunnion.base.units import Floats
+from trunnion.models.kinds import diagnose
+from twin.forward import Truth
+from twin.generator import random_errors, random_placement
 
 
 def rows_of_a_plate(seed: int, noise: float) -> tuple[Floats, Floats, Floats]:
@@ -47,7 +53,7 @@ def test_machines_lie_about_the_one_that_was_measured(noise: float) -> None:
         left, jacobian, true = rows_of_a_plate(seed, noise)
         place = place_of(left, jacobian, covariance_of(jacobian), one, one, noise)
         z = np.linalg.lstsq(place.off, true, rcond=None)[0]
-        squares.append((z - place.at) @ place.information @ (z - place.at))
+        squares.append((z - place.at) @ np.linalg.solve(place.covariance, z - place.at))
         of_fit.append(z @ z)
     assert 1.2 < np.mean(squares) < 3.5
     assert np.mean(of_fit) > 4.0
@@ -72,7 +78,7 @@ def test_a_machine_far_from_its_readings_is_as_certain_as_its_noise_says(size: f
     far = size * np.where(np.arange(60) % 4 < 2, 1.0, -1.0)
     place = place_of(far, jacobian, covariance_of(jacobian), one, one, 0.05)
     expected = place.off.T @ place.off / 0.05**2
-    np.testing.assert_allclose(place.information, expected, rtol=0.01, atol=0.5)
+    np.testing.assert_allclose(np.linalg.inv(place.covariance), expected, rtol=0.01, atol=0.5)
 
 
 def test_sound_machines_are_found_sound_without_noise() -> None:
@@ -133,3 +139,52 @@ def test_a_curve_of_many_steps_is_structure() -> None:
         )
     )
     assert d.verdict != "consistent"
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.1, 0.3])
+@pytest.mark.parametrize("repeats", [1, 2, 8])
+def test_places_are_those_of_an_integral_over_all(noise: float, repeats: int) -> None:
+    """Mean, standard errors and probability of a line through rows of bores, by a sum on a grid."""
+    for seed in range(4):
+        rng = np.random.default_rng([9, seed])
+        row = np.repeat(np.linspace(-1, 1, 8), repeats)
+        true = rng.uniform(-20, 20) + rng.uniform(-2, 2) * row
+        read = np.round(true + noise * rng.standard_normal(len(row)))
+        line = np.polynomial.Polynomial.fit(row, read, 1, domain=[-1, 1])(row)
+        jacobian, one = np.stack([np.ones(len(row)), row], axis=1), np.ones(len(row))
+        covariance = covariance_of(jacobian)
+        place = place_of(read - line, jacobian, covariance, one, one, noise)
+        std = np.sqrt(np.diag(place.covariance))
+        about = np.linspace(-9, 9, 401)
+        each = place.at + std * np.stack(np.meshgrid(about, about), axis=-1).reshape(-1, 2)
+        off = (read - line)[:, None] - place.off @ each.T
+        chance = stats.norm.cdf((off + 0.5) / noise) - stats.norm.cdf((off - 0.5) / noise)
+        log = np.log(np.maximum(chance, 1e-300)).sum(axis=0)
+        weight = np.exp(log - log.max())
+        mean = np.average(each, axis=0, weights=weight)
+        of_grid = np.sqrt(np.average((each - mean) ** 2, axis=0, weights=weight))
+        np.testing.assert_array_less(np.abs(place.at - mean) / of_grid, 0.4)
+        np.testing.assert_allclose(std, of_grid, rtol=0.25)
+
+
+@pytest.mark.parametrize("read", ["no", "yes"])
+def test_errors_in_the_middle_of_all_machines_are_less_than_those_of_least_squares(
+    read: str,
+) -> None:
+    """532 touches on a tick, with a noise of 0.03 of it; 95 % intervals hold the truth."""
+    plan, stated, _, _ = ticks.ground("rich")
+    setup = from_twin.setup(stated)
+    squares, of_fit, inside = 0.0, 0.0, []
+    for seed in range(12):
+        rng = np.random.default_rng([41, seed])
+        truth = Truth(random_errors(rng), random_placement(rng), {})
+        start = ticks.starts(plan, read == "yes", rng)
+        positions = ticks.recorded(plan, stated, truth, 0.03 * ticks.TICK_UM, start, rng)
+        data = ticks.touches(plan, positions)
+        d, fit = diagnose(data, setup), tn.identify(data, setup)
+        for name, true in truth.errors.items():
+            squares += (d.errors_after[name] - true) ** 2
+            of_fit += (fit.errors[name] - true) ** 2
+            inside.append(abs(d.errors_after[name] - true) <= 1.96 * d.errors_std[name])
+    assert squares < 0.45 * of_fit
+    assert np.mean(inside) >= 0.88

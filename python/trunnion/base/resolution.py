@@ -32,7 +32,7 @@ from trunnion.base.repeats import (
     repeated,
     several,
 )
-from trunnion.base.rounded import place_of
+from trunnion.base.rounded import Place, place_of
 from trunnion.base.rows import equal_rows
 from trunnion.base.units import Flags, Floats, Integers
 
@@ -328,6 +328,18 @@ class Grid:
         """Whether the steps are so large beside the noise that rounding is not random."""
         return noise < MAX_SIMULATED_STEPS * float(self.step.max())
 
+    def place(
+        self, residuals: Floats, jacobian: Floats, covariance: Floats, noise: float, used: Floats
+    ) -> Place | None:
+        """Where machines lie that were read so (:mod:`.rounded`).
+
+        None where the noise is large beside the steps. Arguments as of :meth:`draws`; ``used``: 1
+        for readings, 0 for others, shape (n,).
+        """
+        if not self.matters(noise):
+            return None
+        return place_of(residuals, jacobian, covariance, self.step, used)
+
     def draws(
         self,
         values: Floats,
@@ -336,15 +348,15 @@ class Grid:
         covariance: Floats,
         noise: float,
         spread: float = 0.0,
-        used: Floats | None = None,
+        place: Place | None = None,
     ) -> Floats | None:
         """Errors of rounding and noise of machines like a fitted one, all readings, shape (n, s).
 
         None where the noise is large beside the steps. The machine is drawn from the fit's
         covariance; each of its readings is the step next to what it would be. ``spread``: the
         readings of these machines differ by as many steps at least (rms); 0: as the fit says.
-        ``noise``: of all readings, unless that of each is known. ``used``: 1 for readings, 0 for
-        others, (n,), where machines are to be those that were read so (:mod:`.rounded`).
+        ``noise``: of all readings, unless that of each is known. ``place``: of machines that were
+        read so, from which they are drawn in place of the covariance.
         """
         known, every = self.known, np.ones(len(values))
         each, scale = noise * every, float(self.step.max()) * every
@@ -354,12 +366,10 @@ class Grid:
             return None
         count = int(np.clip(MAX_DRAWN // len(values), MIN_DRAWS, MAX_DRAWS))
         rng = np.random.default_rng(SEED)
-        each = np.maximum(each, MIN_NOISE_STEPS * scale)
-        if used is None or not self.by_reading:
+        if place is None:
+            each = np.maximum(each, MIN_NOISE_STEPS * scale)
             off = machines(jacobian, covariance, scale, spread, count, rng)
         else:
-            known_noise = float(each[0]) if self._freedom_of_repeats >= MIN_REPEATS else None
-            place = place_of(residuals, jacobian, covariance, self.step, used, known_noise)
             off, each = place.drawn(count, rng), place.noise * every
         where = (values - residuals)[:, None] + off
         noisy = where + each[:, None] * rng.standard_normal(where.shape)

@@ -7,40 +7,42 @@ readings than were read. Where they lie instead follows from the probability of 
 
     P = Φ((u + h) / s) - Φ((u - h) / s),    u: reading less place, h: half a step, s: noise,
 
-whose logarithm is concave in the parameters of a linear model: Newton's method finds its top. Where
-the noise is small the top is a plateau with steep sides; machines are taken as normal about the
-place, and as wide, as fits it best (Opper and Archambeau 2009, The variational Gaussian
-approximation revisited, Neural Computation 21): the mean slope is nothing, the mean curvature their
-inverse covariance. The noise, where no repeats tell it, is that of which the readings are most
-probable (by Laplace's method).
+whose logarithm is concave in the parameters of a linear model: Newton's method finds its top. Mean
+and covariance of all places, and the probability of the readings over all of them, are found by
+expectation propagation (Minka 2001): a normal distribution takes the place of each P, so that with
+those of all others it has the mean and the variance that P has. P of a normal distribution of
+places is one of a larger noise, so all of it is in closed form. Readings that repeat each other say
+no more than one does where there is no noise; P of several is then one with a nearer edge. The
+noise, where no repeats tell it, may be any that makes the readings probable.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import linprog
 from scipy.special import erfcx, log_ndtr
 
+from trunnion.base.rows import equal_rows
 from trunnion.base.units import Floats
 
-NOISES = (0.5, 0.4, 0.3, 0.2, 0.15, 0.1, 0.07, 0.05, 0.03, 0.02)
-"""Noise beside the rounding that is tried, in steps, from where the top is easily found."""
-WIDER = 10.0  # times the standard errors of the fit, within which the top is sought
-AVERAGED = 8  # pairs of places
+NOISES = tuple((0.5 * 0.6 ** np.arange(13)).tolist())
+"""Noise beside the rounding that is tried, in steps."""
+WIDER = 10.0  # times the standard errors of the fit, within which machines are sought
 OUT = 6.0  # noises beyond half a step, where nothing is read
 PARTS = 1000  # of an integral
 PAST = 5.0  # of ln P, below the most, from which a still smaller noise is less likely
-ROUNDS = 16
-FEWER = 8  # rounds, from where places of a larger noise lie
-SEED = 1
+ROUNDS = 40
+SHARE = 0.7  # of a change of normal distributions that is made in a round
+MOVED = 1e-3  # of the variance of a place: no change
 MAX_STEPS = 30
 MAX_HALVINGS = 20
-SETTLED = 1e-6  # of ln P
-NEAR = 1e-2  # of ln P, where places are not asked for
+SETTLED = 1e-2  # of ln P
 SUFFICIENT = 1e-4  # share of the rise that is promised
 SAME = 1e-14  # of the largest eigenvalue of a covariance: rounding
+SAME_READING = 1e-6  # of a step, and of the largest derivative
 MIN_EXPONENT = -1e-12
+MIN_SHARE = 1e-10  # of a variance that one reading leaves of it
 HAZARD = float(np.sqrt(2.0 / np.pi))
 INSIDE = 0.1  # of a step over the count of readings, that machines lie inside of half a step
 FAR = 0.55  # rms residual of a fit, in steps, beyond which no machine is within half a step
@@ -52,34 +54,64 @@ class Place:
 
     Attributes
     ----------
+    along:
+        Directions of the covariance of the fit, each as long as a standard error, shape (p, q).
     off:
-        How much more their readings are than those of the fit, for each direction of its
-        covariance, shape (n, q).
-    at:
-        The likeliest lengths along these, shape (q,).
-    information:
-        Inverse of their covariance, (q, q).
+        How much more the readings of a machine there are than those of the fit, (n, q).
+    at, covariance:
+        Mean of the lengths along these, shape (q,), and their covariance, (q, q).
     noise:
         Standard deviation beside the rounding.
     """
 
+    along: Floats
     off: Floats
     at: Floats
-    information: Floats
+    covariance: Floats
     noise: float
 
     def drawn(self, count: int, rng: np.random.Generator) -> Floats:
         """How readings of some such machines differ from those of the fit, shape (n, count)."""
-        size, axes = np.linalg.eigh(self.information)
-        own = axes / np.sqrt(size) @ rng.standard_normal((len(size), count))
+        size, axes = np.linalg.eigh(self.covariance)
+        own = axes * np.sqrt(np.maximum(size, 0.0)) @ rng.standard_normal((len(size), count))
         return np.asarray(self.off @ (self.at[:, None] + own))
 
-    def some(self) -> Floats:
-        """Lengths at pairs of such places, the same ones for all noises, shape (q, s)."""
-        some = np.random.default_rng(SEED).standard_normal((len(self.at), AVERAGED))
-        size, axes = np.linalg.eigh(self.information)
-        own = axes / np.sqrt(size) @ np.concatenate([some, -some], axis=1)
-        return np.asarray(self.at[:, None] + own)
+
+@dataclass(frozen=True)
+class _Readings:
+    """Different readings that are used.
+
+    What a fit leaves of each, shape (m,), their columns (m, q), half their steps, (m,), and how
+    often each was read, (m,).
+    """
+
+    left: Floats
+    off: Floats
+    half: Floats
+    times: Floats
+
+    @classmethod
+    def of(cls, left: Floats, off: Floats, step: Floats) -> "_Readings":
+        """Take readings of the same step that are equal, and depend alike on everything, once."""
+        size = np.abs(off).max(axis=0, initial=0.0)
+        rows = np.round(off / np.where(size > 0, size, 1.0) / SAME_READING)
+        label, first = equal_rows([*rows.T, np.round(left / step / SAME_READING), step])
+        return cls(left[first], off[first], step[first] / 2, np.bincount(label).astype(np.float64))
+
+
+@dataclass(frozen=True)
+class _Places:
+    """Normal distribution of places at a noise, and ln P of all readings over all places.
+
+    tilt, weight: Of the normal distribution that takes the place of each P, (m,).
+    """
+
+    mean: Floats
+    covariance: Floats
+    log: float
+    noise: float
+    tilt: Floats
+    weight: Floats
 
 
 def rounds_to_all(residuals: Floats, jacobian: Floats, step: Floats) -> bool:
@@ -112,11 +144,19 @@ def log_probability(residuals: Floats, jacobian: Floats, step: Floats) -> float:
     zero. Unlike a sum of squares it asks of each reading only whether it rounds to what was read.
     """
     left, off = _without(residuals, jacobian, step)
-    at, most, every = np.zeros(off.shape[1]), -np.inf, np.ones(len(left))
-    for noise in _noises(left, step, NOISES[1::2]):
-        at, log, _ = _top(left, off, step / 2, noise, every, at, NEAR)
+    readings = _Readings.of(left, off, step)
+    at, most = np.zeros(off.shape[1]), -np.inf
+    for noise in _noises(left, step):
+        at, log = _top(readings, noise, at)
+        if log < most - PAST:
+            break
         most = max(most, log)
     return most
+
+
+def log_of(residuals: Floats, step: Floats, noise: float) -> float:
+    """Log of the probability of what was read of one machine; its residuals and steps, (n,)."""
+    return float(_of_readings(residuals, step / 2, noise)[0].sum())
 
 
 def gained(residuals: Floats, jacobian: Floats, more: Floats, step: Floats) -> float:
@@ -128,44 +168,19 @@ def gained(residuals: Floats, jacobian: Floats, more: Floats, step: Floats) -> f
     are compared as those of readings that determine places as well as readings do in the mean.
     ``more``: with those of ``jacobian``; other arguments as in :func:`log_probability`.
     """
-    (few, before, noise), (many, after, _) = (
-        _averaged(residuals, columns, step) for columns in (jacobian, more)
+    (few, before), (many, after) = (
+        _likeliest(residuals, columns, step) for columns in (jacobian, more)
     )
-    usual = _mean_curvature(noise / step) / step**2
-    one, other = (float(np.linalg.slogdet(_gram(off, usual))[1]) for off in (few, many))
-    return 2.0 * (after - before) + other - one
+    usual = float(np.mean(before.weight * step.max() ** 2))
+    one, other = (float(np.linalg.slogdet(usual * off.T @ off)[1]) for off in (few, many))
+    return 2.0 * (after.log - before.log) + other - one
 
 
-def _averaged(residuals: Floats, jacobian: Floats, step: Floats) -> tuple[Floats, float, float]:
-    """Return columns, ln P over all places of the likeliest noise, and that noise."""
+def _likeliest(residuals: Floats, jacobian: Floats, step: Floats) -> tuple[Floats, _Places]:
+    """Return columns, and places at the noise at which what was read is likeliest over all."""
     left, off = _without(residuals, jacobian, step)
-    noises, every, half = _noises(left, step, NOISES[1::2]), np.ones(len(left)), step / 2
-    at, _, curvature = _top(left, off, half, noises[0], every, np.zeros(off.shape[1]), NEAR)
-    about = WIDER**-2 * np.eye(len(at)) + _gram(off, curvature)
-    place, most, likely = Place(off, at, about, noises[0]), -np.inf, 0.0
-    for noise in noises:
-        place = _normal(replace(place, noise=noise), left, half, every, FEWER)
-        log, _, _ = _of_readings(left[:, None] - off @ place.some(), half[:, None], noise)
-        mean = float(log.sum(axis=0).mean())
-        mean -= float(np.linalg.slogdet(place.information)[1] - len(at)) / 2
-        if mean < most - PAST:
-            break
-        if mean > most:
-            most, likely = mean, noise
-    return off, most, likely
-
-
-def _mean_curvature(noise: Floats) -> Floats:
-    """Fisher information of a reading on its place, the mean over all places, in 1 / step² (n,).
-
-    The integral over all places of one reading: ∫ (dP/du)² / P du. ``noise``: in steps, (n,).
-    """
-    found = dict[float, float]()
-    for each in np.unique(noise).tolist():
-        off = np.linspace(0.0, 0.5 + OUT * each, PARTS)
-        log, slope, _ = _of_readings(off, np.full(PARTS, 0.5), each)
-        found[each] = 2.0 * float(np.trapezoid(np.exp(log) * slope**2, off))
-    return np.array([found[each] for each in noise.tolist()])
+    found = _at_noises(_Readings.of(left, off, step), _noises(left, step))
+    return off, max(found, key=lambda places: places.log)
 
 
 def _gram(off: Floats, weight: Floats) -> Floats:
@@ -181,10 +196,10 @@ def _without(residuals: Floats, jacobian: Floats, step: Floats) -> tuple[Floats,
     return left, along * (float(step.max()) / np.sqrt(12))
 
 
-def _noises(left: Floats, step: Floats, shares: Sequence[float]) -> list[float]:
+def _noises(left: Floats, step: Floats) -> list[float]:
     """Noises to try, from where the top is easily found; the scatter at most."""
     scatter, largest = float(np.sqrt(np.mean(left**2))), float(step.max())
-    smaller = [share * largest for share in shares if share * largest < scatter]
+    smaller = [share * largest for share in NOISES[1::2] if share * largest < scatter]
     return [scatter or largest * NOISES[-1], *smaller]
 
 
@@ -194,7 +209,7 @@ def place_of(
     covariance: Floats,
     step: Floats,
     used: Floats,
-    noise: float | None,
+    noise: float | None = None,
 ) -> Place:
     """Find where machines lie whose readings round to those that were read.
 
@@ -207,81 +222,102 @@ def place_of(
     used:
         1 for readings that are used, 0 for others, shape (n,).
     noise:
-        Standard deviation of a reading beside the rounding; None: as the readings say.
+        Standard deviation of a reading beside the rounding; None: each by how probable it makes the
+        readings.
     """
     free = np.flatnonzero(np.diag(covariance) > 0)
     size, axes = np.linalg.eigh(covariance[np.ix_(free, free)])
     seen = size > SAME * size.max(initial=0.0)
-    off = jacobian[:, free] @ (axes[:, seen] * np.sqrt(size[seen]))
-    largest = float(step.max())
-    tried = [share * largest for share in NOISES if noise is None or share * largest > noise]
-    best = _likeliest(residuals, off, step, used, tried, noise)
-    return _normal(best, residuals, step / 2, used)
+    along = np.zeros((len(covariance), int(seen.sum())))
+    along[free] = axes[:, seen] * np.sqrt(size[seen])
+    off, rows, largest = jacobian @ along, used > 0, float(step.max())
+    tried = [share * largest for share in NOISES] if noise is None else [noise]
+    found = _at_noises(_Readings.of(residuals[rows], off[rows], step[rows]), tried)
+    best = max(places.log for places in found)
+    weight = np.exp([places.log - best for places in found])
+    weight /= weight.sum()
+    at = np.asarray(weight @ [places.mean for places in found])
+    every = [places.covariance + np.outer(d, d) for places in found for d in (places.mean - at,)]
+    middle = float(np.exp(weight @ np.log([places.noise for places in found])))
+    return Place(along, off, at, np.asarray(np.tensordot(weight, every, 1)), middle)
 
 
-def _likeliest(
-    residuals: Floats,
-    off: Floats,
-    step: Floats,
-    used: Floats,
-    tried: Sequence[float],
-    known: float | None,
-) -> Place:
-    """Likeliest place at the known noise, or at the likeliest of those that are tried.
+def _at_noises(readings: _Readings, noises: Sequence[float]) -> list[_Places]:
+    """Places at each noise, from the largest on, as long as a smaller one may be likelier."""
+    found = list[_Places]()
+    none, most = np.zeros(len(readings.left)), -np.inf
+    start = (none, none)
+    for noise in noises:
+        places = _places(readings, noise, *start)
+        found.append(places)
+        if places.log < most - PAST:
+            break
+        start, most = (places.tilt, places.weight), max(most, places.log)
+    return found
 
-    That is the noise of which the readings are most probable whatever the place is (Laplace's
-    method). ``tried``: from where the top is easily found.
+
+def _places(readings: _Readings, noise: float, tilt: Floats, weight: Floats) -> _Places:
+    """Places at a noise, by expectation propagation; ``tilt``, ``weight``: to start with, (m,).
+
+    ln P over all of them is less ln(2π) / 2 a direction, as a top's and its curvature's would be.
     """
-    at, best, most = np.zeros(off.shape[1]), None, -np.inf
-    for noise in (*tried, *([] if known is None else [known])):
-        at, log, curvature = _top(residuals, off, step / 2, noise, used, at)
-        information = np.eye(len(at)) + _gram(off, curvature)
-        together = log - float(np.linalg.slogdet(information)[1]) / 2
-        if known is not None or together > most:
-            best, most = Place(off, at, information, noise), together
-    assert best is not None  # some noise is tried
-    return best
+    left, off = readings.left, readings.off
+    half, noises = _together(readings, noise)
+    ridge = WIDER**-2 * np.eye(off.shape[1])
+    for _ in range(ROUNDS):
+        covariance = np.asarray(np.linalg.inv(ridge + _gram(off, weight)), dtype=np.float64)
+        mean = covariance @ (off.T @ tilt)
+        place, variance = off @ mean, np.sum((off @ covariance) * off, axis=1)
+        rest = np.maximum(1.0 - weight * variance, MIN_SHARE)
+        wide, about = variance / rest, (place - tilt * variance) / rest
+        log, slope, curvature = _of_readings(left - about, half, np.sqrt(noises**2 + wide))
+        own = 1.0 - wide * curvature
+        further = SHARE * ((curvature * about - slope) / own - tilt)
+        more = SHARE * (curvature / own - weight)
+        if np.max(np.abs(more) * variance, initial=0.0) < MOVED:
+            break
+        tilt, weight = tilt + further, weight + more
+    log += np.log1p(weight * wide) / 2 - variance * tilt**2 / 2
+    log -= rest * (2.0 * about * tilt - weight * about**2) / 2
+    size = float(np.linalg.slogdet(covariance)[1])
+    total = float(log.sum()) + (size + float(tilt @ place)) / 2
+    return _Places(mean, covariance, total, noise, tilt, weight)
 
 
-def _normal(
-    top: Place, residuals: Floats, half: Floats, used: Floats, rounds: int = ROUNDS
-) -> Place:
-    """Return the normal distribution that is nearest to the places about the top."""
-    off, place, ridge = top.off, top, WIDER**-2 * np.eye(len(top.at))
-    for _ in range(rounds):
-        off_each = residuals[:, None] - off @ place.some()
-        _, slope, curvature = _of_readings(off_each, half[:, None], top.noise)
-        mean = used * curvature.mean(axis=1)
-        found = _gram(off, mean) + ridge
-        information = (place.information + found) / 2
-        rise = -(off.T @ (used * slope.mean(axis=1))) - ridge @ place.at
-        at = place.at + np.linalg.solve(information, rise) / 2
-        place = replace(place, at=at, information=information)
-    return place
+def _together(readings: _Readings, noise: float) -> tuple[Floats, Floats]:
+    """Half the step and the noise that one reading would have that says what its repeats do (m,).
+
+    The product of their P has the integral and the variance of such a one.
+    """
+    half, noises = readings.half.copy(), np.full(len(readings.half), noise)
+    for times, step in {
+        (t, h) for t, h in zip(readings.times.tolist(), half.tolist(), strict=True)
+    }:
+        if times == 1.0:
+            continue
+        off = np.linspace(0.0, step + OUT * noise, PARTS)
+        of_all = np.exp(times * _of_readings(off, np.full(PARTS, step), noise)[0])
+        area = float(np.trapezoid(of_all, off))
+        variance = float(np.trapezoid(off**2 * of_all, off)) / area - area**2 / 3
+        alike = (readings.times == times) & (readings.half == step)
+        half[alike], noises[alike] = area, np.sqrt(max(variance, (noise / times) ** 2))
+    return half, noises
 
 
-def _top(
-    residuals: Floats,
-    off: Floats,
-    half: Floats,
-    noise: float,
-    used: Floats,
-    at: Floats,
-    settled: float = SETTLED,
-) -> tuple[Floats, float, Floats]:
-    """Likeliest place from a start, ln P of all readings there, and the curvature of each (n,)."""
-    ridge = WIDER**-2
+def _top(readings: _Readings, noise: float, at: Floats) -> tuple[Floats, float]:
+    """Likeliest place from a start, and ln P of all readings there."""
+    ridge, off, times = WIDER**-2, readings.off, readings.times
 
     def value(z: Floats) -> tuple[float, Floats, Floats]:
-        log, slope, curvature = _of_readings(residuals - off @ z, half, noise)
-        return float(used @ log) - ridge * float(z @ z) / 2, used * slope, used * curvature
+        log, slope, curvature = _of_readings(readings.left - off @ z, readings.half, noise)
+        return float(times @ log) - ridge * float(z @ z) / 2, times * slope, times * curvature
 
     log, slope, curvature = value(at)
     for _ in range(MAX_STEPS):
         rise = -(off.T @ slope) - ridge * at
         step = np.linalg.solve(_gram(off, curvature) + ridge * np.eye(len(at)), rise)
         promised, share = float(rise @ step), 1.0
-        if promised < settled:
+        if promised < SETTLED:
             break
         for _ in range(MAX_HALVINGS):
             new = value(at + share * step)
@@ -291,10 +327,10 @@ def _top(
         else:
             break
         at, (log, slope, curvature) = at + share * step, new
-    return at, log + ridge * float(at @ at) / 2, curvature
+    return at, log + ridge * float(at @ at) / 2
 
 
-def _of_readings(off: Floats, half: Floats, noise: float) -> tuple[Floats, Floats, Floats]:
+def _of_readings(off: Floats, half: Floats, noise: Floats | float) -> tuple[Floats, Floats, Floats]:
     """Log of P of each reading, its derivative by u, and less the second one, shapes (n,)."""
     low, high = (np.abs(off) - half) / noise, (np.abs(off) + half) / noise
     above, beyond = log_ndtr(-low), log_ndtr(-high)
@@ -304,4 +340,4 @@ def _of_readings(off: Floats, half: Floats, noise: float) -> tuple[Floats, Float
     at_high = at_low * np.exp((low - high) * (low + high) / 2)
     slope = (at_high - at_low) / noise
     curvature = at_low * (at_low - low) + at_high * (high + at_high - 2.0 * at_low)
-    return above + np.log(inside), np.sign(off) * slope, np.maximum(curvature / noise**2, 0.0)
+    return above + np.log(inside), np.sign(off) * slope, np.clip(curvature, 0.0, 1.0) / noise**2

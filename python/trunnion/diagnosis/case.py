@@ -19,7 +19,7 @@ from trunnion.base.resolution import (
     growth,
     inflation,
 )
-from trunnion.base.rounded import rounds_to_all
+from trunnion.base.rounded import Place, rounds_to_all
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import Candidates
@@ -215,14 +215,12 @@ class Case:
         every = self.segments
         return [every[i] for i in filters]
 
-    def growth(self, f: Fit, variance: float, *, as_read: bool = False) -> Floats:
+    def growth(self, f: Fit, variance: float) -> Floats:
         """How many times their standard errors errors are.
 
         By rounding (:func:`.resolution.growth`); by dependence of the residuals
         (:mod:`.dependence`); where more than noise is left of one of several measurements.
-        ``variance``: of a white reading. Of the parameters of a fit, shape (p + k,). ``as_read``:
-        causes by machines that round to what was read, too: the size of a cause of less than a step
-        hangs on where readings change. What is always fitted may lie anywhere.
+        ``variance``: of a white reading. Of the parameters of a fit, shape (p + k,).
         """
         if self.dependent:
             return growth_by_dependence(
@@ -230,16 +228,10 @@ class Case:
             )
         apart = self._growth_apart(f, variance)
         variances = np.diag(f.covariance) * variance * apart**2
-        estimate, caused = f.covariance @ self.white(f.jacobian).T, len(f.nuisance)
         anywhere = self.errors_of_rounding(f, spread=ANY_PLACE)
         if anywhere is None:
             return apart
-        more = growth(estimate @ anywhere, variances)
-        about = self._errors_about(f) if as_read and f.effects and self.by_reading else None
-        if about is not None:
-            own = growth(estimate[caused:] @ about, variances[caused:])
-            more[caused:] = np.maximum(more[caused:], own)
-        return apart * more
+        return apart * growth(f.covariance @ (self.white(f.jacobian).T @ anywhere), variances)
 
     def _growth_apart(self, f: Fit, variance: float) -> Floats:
         """The same, of measurements of which one has structure without a name (p + k,)."""
@@ -266,6 +258,10 @@ class Case:
 
     @cached_property
     def _about(self) -> dict[Fit, Floats | None]:
+        return {}
+
+    @cached_property
+    def _places(self) -> dict[Fit, Place | None]:
         return {}
 
     @cached_property
@@ -317,25 +313,44 @@ class Case:
         if self.grid is None:
             return None
         of = of or self.likely or self.plain
-        used = np.zeros(len(of.residuals))
-        used[self.rows] = of.residuals[self.rows]
-        covariance = of.covariance * float(self.floor.noise(of.rss, of.dof))
-        if wide and (drawn := self._drawn_anywhere) is not None:
-            off = of.covariance @ (self.white(of.jacobian).T @ drawn)
-            covariance = grown(covariance, off)
         drawn = self.grid.draws(
             self.model.readings.values,
             of.residuals,
             of.jacobian,
-            covariance,
-            self.grid.noise(used, of.dof, of.jacobian, weights_of(self.whiten)),
+            self._covariance(of, wide=wide),
+            self._noise_beside(self.grid, of),
             spread,
-            self.as_read if spread == 0.0 else None,
+            None if spread else self.place(of),
         )
         if drawn is None:
             return None
         white = np.asarray(self.whiten(drawn))
         return (white if self.grid.known is None else self.grid.known.completed(white))[self.rows]
+
+    def place(self, f: Fit) -> Place | None:
+        """Where machines like a fit lie that were read so (kept); None: rounding is random."""
+        if self.grid is None or self.as_read is None or not self.by_reading:
+            return None
+        if f not in self._places:
+            covariance, noise = self._covariance(f, wide=True), self._noise_beside(self.grid, f)
+            self._places[f] = self.grid.place(
+                f.residuals, f.jacobian, covariance, noise, self.as_read
+            )
+        return self._places[f]
+
+    def _covariance(self, f: Fit, *, wide: bool) -> Floats:
+        """Covariance of a fit's parameters; ``wide``: as rounding anywhere makes it."""
+        covariance = f.covariance * float(self.floor.noise(f.rss, f.dof))
+        if wide and (drawn := self._drawn_anywhere) is not None:
+            off = f.covariance @ (self.white(f.jacobian).T @ drawn)
+            covariance = grown(covariance, off)
+        return covariance
+
+    def _noise_beside(self, grid: Grid, f: Fit) -> float:
+        """Noise beside the rounding that a fit leaves."""
+        used = np.zeros(len(f.residuals))
+        used[self.rows] = f.residuals[self.rows]
+        return grid.noise(used, f.dof, f.jacobian, weights_of(self.whiten))
 
     def rounds_to_readings(self, f: Fit) -> bool:
         """Whether some machine with the causes of a fit rounds to all used readings (kept).

@@ -11,16 +11,18 @@ a cause is gained here too, and what rounding alone would gain is not: it costs 
 different prices that round to the same readings are all named: none of them can gain more.
 """
 
+from dataclasses import replace
 from operator import itemgetter
 from typing import TypeAlias
 
 import numpy as np
 
-from trunnion.base.rounded import gained, log_probability
+from trunnion.base.rounded import gained, log_of, log_probability
 from trunnion.base.units import Floats
 from trunnion.diagnosis.candidates import NAMING_LEVEL
 from trunnion.diagnosis.case import Case
-from trunnion.diagnosis.fit import variant_columns
+from trunnion.diagnosis.effect import Values
+from trunnion.diagnosis.fit import Fit, variant_columns
 from trunnion.diagnosis.selection import Search, cost
 from trunnion.diagnosis.whitening import identity
 
@@ -74,6 +76,39 @@ def chance_as_read(case: Case, searched: Search) -> float:
     over_all = gained(columns.left, columns.always, columns.of(top.blocks), columns.step)
     beyond = nothing.score - top.score - gain + over_all
     return min(NAMING_LEVEL * float(np.exp(-beyond / 2)), 1.0)
+
+
+def as_read(case: Case, f: Fit, variance: float) -> Fit | None:
+    """Return a fit at the middle of all machines that were read so, with their covariance.
+
+    It lies nearer to the machine than least squares, for which readings that share their errors of
+    rounding are many. ``variance``: of a white reading. None: rounding is as good as random, or the
+    readings do not say where machines lie. Where what was read is no more probable there (a model
+    is no straight line that far) the fit stays, with how far the middle is off.
+    """
+    place = case.place(f)
+    if place is None or variance <= 0 or case.grid is None:
+        return None
+    moved, rows = place.along @ place.at, case.rows
+    first = len(f.nuisance)
+    effects = {name: Values(values) for name, values in f.effects.items()}
+    for (effect, parameter), more in zip(f.names, moved[first:].tolist(), strict=True):
+        effects[effect][parameter] += more
+    nuisance = f.nuisance + moved[:first]
+    residuals = case.model.readings.values - case.model.predict(nuisance, effects)
+    covariance = place.along @ place.covariance @ place.along.T
+    before, after = (
+        log_of(left[rows], case.grid.step[rows], place.noise) for left in (f.residuals, residuals)
+    )
+    if not after >= before:
+        return replace(f, covariance=(covariance + np.outer(moved, moved)) / variance)
+    return replace(
+        f,
+        nuisance=nuisance,
+        effects=effects,
+        residuals=residuals,
+        covariance=covariance / variance,
+    )
 
 
 def _says_more(case: Case, searched: Search) -> bool:

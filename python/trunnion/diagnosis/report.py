@@ -16,6 +16,7 @@ from trunnion.diagnosis.effect import Values
 from trunnion.diagnosis.explain import MIN_EXPLAINED, with_behind
 from trunnion.diagnosis.explanation import Explanation
 from trunnion.diagnosis.fit import Fit, confounded, grid_values, variant_columns
+from trunnion.diagnosis.in_steps import as_read
 from trunnion.diagnosis.linearised import Linearised
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.moments import moment_errors
@@ -49,6 +50,7 @@ PLACED_ONLY = " (only the placement)"
 LEFT_OPEN = " (which these readings leave open in part)"
 SEEN = 0.1  # µm, arcsec: what is said of errors that have no standard error begins at half of it
 NO_MATTER = "what is likely of it would shift nothing by half a standard error"
+MIDDLE = "errors and sizes are those in the middle of all machines that give these readings"
 MIN_SHARE = 0.25  # of the variance of a reading, from which its rounding is mentioned
 MAX_STEPS = 3
 TINY = 1e-300
@@ -96,10 +98,11 @@ def left_of(case: Case, e: Explanation, dropped: Integers) -> Left:
     kept, model = case.without(dropped), case.model
     unexplained = remaining(kept, e.fit, e.terms) or _unexplained(e)
     named = e.fit if e.sets else kept.plain
-    f = with_structure(kept, e.terms, named)[1]
+    kept, f, _ = with_structure(kept, e.terms, named)
+    f = _as_read(kept, f)[0]
     rows = np.asarray(model.readings.rows)
     return Left(
-        (case.given or case.plain).residuals,
+        (case.given or _as_read(case, case.plain)[0]).residuals,
         f.residuals,
         rows,
         tuple(sorted({int(r) for r in rows[dropped]})),
@@ -126,10 +129,12 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     verdict = _verdict(unexplained, kept, rows, plain, f, len(alternatives), len(dropped))
     kept, f, source = with_structure(kept, e.terms, f)
     variance = float(case.floor.noise(f.rss, f.dof))
+    every, plain = _as_read(case, case.plain)[0], _as_read(case.without(dropped), plain)[0]
+    f, read = _as_read(kept, f)
     f = _with_what_is_stated(kept, f, variance)
     left = f.residuals - kept.shared(f)
     gain = _gain(kept, rows, plain, f, left)
-    growth = kept.growth(f, variance, as_read=True)
+    growth = np.ones(len(f.covariance)) if read else kept.growth(f, variance)
     of_sets = Doubt.of(kept, f, alternatives, variance, growth)
     open_ = left_open(kept, e, f, source, variance)
     shape = shape_in_doubt(kept, f, model.effects, variance)
@@ -152,7 +157,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         evidence=tuple(alternatives),
         gain=gain,
         unexplained=unexplained,
-        errors_before=model.location_errors(case.plain.nuisance, {}),
+        errors_before=model.location_errors(every.nuisance, {}),
         errors_after=model.location_errors(f.nuisance, f.effects),
         errors_std=std,
         doubt=doubts,
@@ -164,18 +169,27 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         model=kept.model.extended(f.nuisance, f.effects, known),
         p_value=e.alarm,
         sigma=sigma,
-        nuisance_before=_by_name(model, case.plain),
+        nuisance_before=_by_name(model, every),
         nuisance_after=_by_name(model, f),
         units={x.name: x.unit for x in model.nuisance},
         labels={x.id: x.label for x in kept.effects if x.id in named.union(lost, weak)},
-        residuals=_residuals(kept.model, case.given or case.plain, f, left, rows),
+        residuals=_residuals(kept.model, case.given or every, f, left, rows),
         reservation=model.reservation,
         too_little=too_little(kept, others),
-        notes=(*in_doubt, *_notes(case, variance, sigma), *_notes_of_causes(kept, f, variance)),
+        notes=(
+            *(*in_doubt, *_notes(case, variance, sigma, read=read)),
+            *_notes_of_causes(kept, f, variance),
+        ),
         contributions=contributions,
         ladder=ladder,
         none_probability=e.probabilities.none,
     )
+
+
+def _as_read(case: Case, f: Fit) -> tuple[Fit, bool]:
+    """Return a fit as readings in steps say (:func:`.in_steps.as_read`), and whether they do."""
+    read = as_read(case, f, float(case.floor.noise(f.rss, f.dof)))
+    return read or f, read is not None
 
 
 def _by_name(model: Model, f: Fit) -> dict[str, float]:
@@ -250,16 +264,19 @@ def _notes_of_scatter(case: Case, sigma: float) -> tuple[str, ...]:
     return (f"Readings scatter by direction (1 σ): {sizes}. Each is weighed by its own.",)
 
 
-def _notes(case: Case, variance: float, sigma: float) -> tuple[str, ...]:
-    """Remarks of the model; what the readings say of their own noise."""
+def _notes(case: Case, variance: float, sigma: float, *, read: bool) -> tuple[str, ...]:
+    """Remarks of the model; what the readings say of their own noise (``read``: and of steps)."""
     noise = correlated(case.whiten)
     shared = () if noise is None else (noise.note,)
     scatter = _notes_of_scatter(case, sigma)
-    return (*case.model.remarks, *shared, *scatter, *_notes_of_steps(case, variance))
+    return (*case.model.remarks, *shared, *scatter, *_notes_of_steps(case, variance, read=read))
 
 
-def _notes_of_steps(case: Case, variance: float) -> tuple[str, ...]:
-    """Say in which steps the readings are recorded, where that is what limits them."""
+def _notes_of_steps(case: Case, variance: float, *, read: bool) -> tuple[str, ...]:
+    """Say in which steps the readings are recorded, where that is what limits them.
+
+    ``read``: whether errors are those of machines that were read so (:func:`.in_steps.as_read`).
+    """
     readings, floor = case.model.readings, case.floor.variance
     if case.grid is None or floor < MIN_SHARE * variance:
         return ()
@@ -280,7 +297,9 @@ def _notes_of_steps(case: Case, variance: float) -> tuple[str, ...]:
         f"Readings are recorded in steps of {', '.join(text)} ({source}): their noise is taken as "
         "at least step/√12, and what rounding does is not taken for a cause"
     )
-    return (f"{note}{'' if known or not readings.hint else f'; {readings.hint}'}.",)
+    more = [MIDDLE] if read else []
+    more += [] if known or not readings.hint else [readings.hint]
+    return (f"{'; '.join([note, *more])}.",)
 
 
 def _gain(case: Case, rows: Integers, plain: Fit, f: Fit, left: Floats) -> Gain:

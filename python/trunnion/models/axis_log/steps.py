@@ -25,6 +25,7 @@ from trunnion.base.resolution import (
     Known,
     machines,
 )
+from trunnion.base.rounded import Place
 from trunnion.base.units import Flags, Floats
 from trunnion.diagnosis.dependence import length
 from trunnion.diagnosis.noise import Channel, basis_beside
@@ -248,12 +249,12 @@ class LogSteps(Grid):
         covariance: Floats,
         noise: float,  # noqa: ARG002
         spread: float = 0.0,
-        used: Floats | None = None,  # noqa: ARG002
+        place: Place | None = None,  # noqa: ARG002
     ) -> Floats | None:
         """Errors of noise and rounding of machines like a fitted one: see the base class.
 
-        ``noise``: what the base class is given; that of each axis is known. ``used``: the
-        same, machines are drawn about the fitted one.
+        ``noise``, ``place``: what the base class is given; that of each axis is known, and machines
+        are drawn about the fitted one.
         """
         samples = sum(len(axis.signal.actual) for axis in self.axes)
         count = int(np.clip(MAX_DRAWN // max(samples, len(values)), MIN_DRAWS, MAX_DRAWS))
