@@ -16,8 +16,10 @@ no more than one does where there is no noise; P of several is then one with a n
 noise, where no repeats tell it, may be any that makes the readings probable.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import TypeVar
 
 import numpy as np
 from scipy.optimize import linprog
@@ -31,6 +33,8 @@ NOISES = tuple((0.5 * 0.6 ** np.arange(13)).tolist())
 WIDER = 10.0  # times the standard errors of the fit, within which machines are sought
 OUT = 6.0  # noises beyond half a step, where nothing is read
 PARTS = 1000  # of an integral
+HALVED = 2  # times, spaces between noises about the likeliest
+NEAR = 0.5  # of ln P, within which noises are near enough
 PAST = 5.0  # of ln P, below the most, from which a still smaller noise is less likely
 ROUNDS = 40
 SHARE = 0.7  # of a change of normal distributions that is made in a round
@@ -114,6 +118,18 @@ class _Places:
     weight: Floats
 
 
+@dataclass(frozen=True)
+class _Top:
+    """Likeliest place at a noise, and ln P of all readings there."""
+
+    at: Floats
+    log: float
+    noise: float
+
+
+AtNoise = TypeVar("AtNoise", _Places, _Top)
+
+
 def rounds_to_all(residuals: Floats, jacobian: Floats, step: Floats) -> bool:
     """Whether the readings of some machine, without any noise, round to all that were read.
 
@@ -144,14 +160,12 @@ def log_probability(residuals: Floats, jacobian: Floats, step: Floats) -> float:
     zero. Unlike a sum of squares it asks of each reading only whether it rounds to what was read.
     """
     left, off = _without(residuals, jacobian, step)
-    readings = _Readings.of(left, off, step)
-    at, most = np.zeros(off.shape[1]), -np.inf
-    for noise in _noises(left, step):
-        at, log = _top(readings, noise, at)
-        if log < most - PAST:
-            break
-        most = max(most, log)
-    return most
+    readings, start = _Readings.of(left, off, step), np.zeros(off.shape[1])
+
+    def top(noise: float, near: _Top | None) -> _Top:
+        return _top(readings, noise, start if near is None else near.at)
+
+    return _most(_at_noises(top, _noises(left, step)))
 
 
 def log_of(residuals: Floats, step: Floats, noise: float) -> float:
@@ -169,18 +183,19 @@ def gained(residuals: Floats, jacobian: Floats, more: Floats, step: Floats) -> f
     ``more``: with those of ``jacobian``; other arguments as in :func:`log_probability`.
     """
     (few, before), (many, after) = (
-        _likeliest(residuals, columns, step) for columns in (jacobian, more)
+        _over_all(residuals, columns, step) for columns in (jacobian, more)
     )
-    usual = float(np.mean(before.weight * step.max() ** 2))
+    likeliest = max(before, key=lambda places: places.log)
+    usual = float(np.mean(likeliest.weight * step.max() ** 2))
     one, other = (float(np.linalg.slogdet(usual * off.T @ off)[1]) for off in (few, many))
-    return 2.0 * (after.log - before.log) + other - one
+    return 2.0 * (_most(after) - _most(before)) + other - one
 
 
-def _likeliest(residuals: Floats, jacobian: Floats, step: Floats) -> tuple[Floats, _Places]:
-    """Return columns, and places at the noise at which what was read is likeliest over all."""
+def _over_all(residuals: Floats, jacobian: Floats, step: Floats) -> tuple[Floats, "list[_Places]"]:
+    """Return columns, and places at noises about that at which what was read is likeliest."""
     left, off = _without(residuals, jacobian, step)
-    found = _at_noises(_Readings.of(left, off, step), _noises(left, step))
-    return off, max(found, key=lambda places: places.log)
+    readings = _Readings.of(left, off, step)
+    return off, _at_noises(partial(_places, readings), _noises(left, step))
 
 
 def _gram(off: Floats, weight: Floats) -> Floats:
@@ -199,7 +214,7 @@ def _without(residuals: Floats, jacobian: Floats, step: Floats) -> tuple[Floats,
 def _noises(left: Floats, step: Floats) -> list[float]:
     """Noises to try, from where the top is easily found; the scatter at most."""
     scatter, largest = float(np.sqrt(np.mean(left**2))), float(step.max())
-    smaller = [share * largest for share in NOISES[1::2] if share * largest < scatter]
+    smaller = [share * largest for share in NOISES if share * largest < scatter]
     return [scatter or largest * NOISES[-1], *smaller]
 
 
@@ -231,10 +246,13 @@ def place_of(
     along = np.zeros((len(covariance), int(seen.sum())))
     along[free] = axes[:, seen] * np.sqrt(size[seen])
     off, rows, largest = jacobian @ along, used > 0, float(step.max())
+    readings = _Readings.of(residuals[rows], off[rows], step[rows])
     tried = [share * largest for share in NOISES] if noise is None else [noise]
-    found = _at_noises(_Readings.of(residuals[rows], off[rows], step[rows]), tried)
+    found = _at_noises(partial(_places, readings), tried)
     best = max(places.log for places in found)
     weight = np.exp([places.log - best for places in found])
+    if len(found) > 1:
+        weight *= -np.gradient(np.log([places.noise for places in found]))
     weight /= weight.sum()
     at = np.asarray(weight @ [places.mean for places in found])
     every = [places.covariance + np.outer(d, d) for places in found for d in (places.mean - at,)]
@@ -242,26 +260,48 @@ def place_of(
     return Place(along, off, at, np.asarray(np.tensordot(weight, every, 1)), middle)
 
 
-def _at_noises(readings: _Readings, noises: Sequence[float]) -> list[_Places]:
-    """Places at each noise, from the largest on, as long as a smaller one may be likelier."""
-    found = list[_Places]()
-    none, most = np.zeros(len(readings.left)), -np.inf
-    start = (none, none)
+def _at_noises(
+    of: Callable[[float, AtNoise | None], AtNoise], noises: Sequence[float]
+) -> list[AtNoise]:
+    """Results at each noise, from the largest on, as long as a smaller one may be likelier.
+
+    And at some about the likeliest, where the probability changes much to its neighbours. ``of``:
+    that of a noise, from a result nearby.
+    """
+    found = list[AtNoise]()
     for noise in noises:
-        places = _places(readings, noise, *start)
-        found.append(places)
-        if places.log < most - PAST:
+        found.append(of(noise, found[-1] if found else None))
+        if found[-1].log < max(one.log for one in found) - PAST:
             break
-        start, most = (places.tilt, places.weight), max(most, places.log)
+    for _ in range(HALVED):
+        i = max(range(len(found)), key=lambda i: found[i].log)
+        best, about = found[i], (found[k] for k in (i - 1, i + 1) if 0 <= k < len(found))
+        between = [one for one in about if best.log - one.log > NEAR]
+        found += [of(float(np.sqrt(best.noise * one.noise)), best) for one in between]
+        found.sort(key=lambda one: -one.noise)
     return found
 
 
-def _places(readings: _Readings, noise: float, tilt: Floats, weight: Floats) -> _Places:
-    """Places at a noise, by expectation propagation; ``tilt``, ``weight``: to start with, (m,).
+def _most(found: Sequence[AtNoise]) -> float:
+    """Largest ln P, between noises as a parabola through three says."""
+    i = max(range(len(found)), key=lambda i: found[i].log)
+    if not 0 < i < len(found) - 1:
+        return found[i].log
+    three = found[i - 1 : i + 2]
+    x = np.log([one.noise / found[i].noise for one in three])
+    bent, slope, level = np.polyfit(x, [one.log for one in three], 2).tolist()
+    return float(level - slope**2 / (4.0 * bent)) if bent < 0 else found[i].log
+
+
+def _places(readings: _Readings, noise: float, near: _Places | None) -> _Places:
+    """Places at a noise, by expectation propagation; ``near``: those of a noise nearby.
 
     ln P over all of them is less ln(2π) / 2 a direction, as a top's and its curvature's would be.
     """
     left, off = readings.left, readings.off
+    tilt = weight = np.zeros(len(left))
+    if near is not None:
+        tilt, weight = near.tilt, near.weight
     half, noises = _together(readings, noise)
     ridge = WIDER**-2 * np.eye(off.shape[1])
     for _ in range(ROUNDS):
@@ -304,7 +344,7 @@ def _together(readings: _Readings, noise: float) -> tuple[Floats, Floats]:
     return half, noises
 
 
-def _top(readings: _Readings, noise: float, at: Floats) -> tuple[Floats, float]:
+def _top(readings: _Readings, noise: float, at: Floats) -> _Top:
     """Likeliest place from a start, and ln P of all readings there."""
     ridge, off, times = WIDER**-2, readings.off, readings.times
 
@@ -327,7 +367,7 @@ def _top(readings: _Readings, noise: float, at: Floats) -> tuple[Floats, float]:
         else:
             break
         at, (log, slope, curvature) = at + share * step, new
-    return at, log + ridge * float(at @ at) / 2
+    return _Top(at, log + ridge * float(at @ at) / 2, noise)
 
 
 def _of_readings(off: Floats, half: Floats, noise: Floats | float) -> tuple[Floats, Floats, Floats]:
