@@ -12,8 +12,8 @@ and covariance of all places, and the probability of the readings over all of th
 expectation propagation (Minka 2001): a normal distribution takes the place of each P, so that with
 those of all others it has the mean and the variance that P has. P of a normal distribution of
 places is one of a larger noise, so all of it is in closed form. Readings that repeat each other say
-no more than one does where there is no noise; P of several is then one with a nearer edge. The
-noise, where no repeats tell it, may be any that makes the readings probable.
+no more than one does where there is no noise; P of several is then one with a nearer edge. Every
+noise counts by how probable it makes the readings.
 """
 
 from collections.abc import Callable, Sequence
@@ -178,8 +178,8 @@ def gained(residuals: Floats, jacobian: Floats, more: Floats, step: Floats) -> f
 
     Twice ln P at the likeliest places would gain far more now and then: of a few readings near an
     edge, one column more lets all be read without noise, from hardly any place. So P is averaged
-    over all places (what the normal distribution about them says, a lower bound), and the averages
-    are compared as those of readings that determine places as well as readings do in the mean.
+    over all places, and the averages are compared as those of readings that determine places as
+    well as these do in the mean.
     ``more``: with those of ``jacobian``; other arguments as in :func:`log_probability`.
     """
     (few, before), (many, after) = (
@@ -311,7 +311,7 @@ def _places(readings: _Readings, noise: float, near: _Places | None) -> _Places:
         rest = np.maximum(1.0 - weight * variance, MIN_SHARE)
         wide, about = variance / rest, (place - tilt * variance) / rest
         log, slope, curvature = _of_readings(left - about, half, np.sqrt(noises**2 + wide))
-        own = 1.0 - wide * curvature
+        own = np.maximum(1.0 - wide * curvature, MIN_SHARE)
         further = SHARE * ((curvature * about - slope) / own - tilt)
         more = SHARE * (curvature / own - weight)
         if np.max(np.abs(more) * variance, initial=0.0) < MOVED:
