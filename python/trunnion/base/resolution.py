@@ -367,10 +367,10 @@ class Grid:
         count = int(np.clip(MAX_DRAWN // len(values), MIN_DRAWS, MAX_DRAWS))
         rng = np.random.default_rng(SEED)
         if place is None:
-            each = np.maximum(each, MIN_NOISE_STEPS * scale)
             off = machines(jacobian, covariance, scale, spread, count, rng)
         else:
             off, each = place.drawn(count, rng), place.noise * every
+        each = np.maximum(each, MIN_NOISE_STEPS * scale)
         where = (values - residuals)[:, None] + off
         noisy = where + each[:, None] * rng.standard_normal(where.shape)
         step = np.where(self.step > 0, self.step, 1.0)[:, None]

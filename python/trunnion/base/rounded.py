@@ -16,10 +16,8 @@ no more than one does where there is no noise; P of several is then one with a n
 noise counts by how probable it makes the readings.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import TypeVar
 
 import numpy as np
 from scipy.optimize import linprog
@@ -28,13 +26,17 @@ from scipy.special import erfcx, log_ndtr
 from trunnion.base.rows import equal_rows
 from trunnion.base.units import Floats
 
-NOISES = tuple((0.5 * 0.6 ** np.arange(13)).tolist())
+NOISES = tuple((0.5 * 0.6 ** np.arange(15)).tolist())
 """Noise beside the rounding that is tried, in steps."""
+NOISES_OF_SETS = (0.4, 0.2, 0.1, 0.05, 0.02)
+"""The same for likeliest places: with less, one column more of hundreds of touches lets all be read
+without noise now and then, from hardly any place."""
 WIDER = 10.0  # times the standard errors of the fit, within which machines are sought
 OUT = 6.0  # noises beyond half a step, where nothing is read
 PARTS = 1000  # of an integral
-HALVED = 2  # times, spaces between noises about the likeliest
+HALVED = 3  # times, spaces between noises about the likeliest
 NEAR = 0.5  # of ln P, within which noises are near enough
+BENT = 2.0  # of ln P, within which it is a parabola between noises
 PAST = 5.0  # of ln P, below the most, from which a still smaller noise is less likely
 ROUNDS = 40
 SHARE = 0.7  # of a change of normal distributions that is made in a round
@@ -118,18 +120,6 @@ class _Places:
     weight: Floats
 
 
-@dataclass(frozen=True)
-class _Top:
-    """Likeliest place at a noise, and ln P of all readings there."""
-
-    at: Floats
-    log: float
-    noise: float
-
-
-AtNoise = TypeVar("AtNoise", _Places, _Top)
-
-
 def rounds_to_all(residuals: Floats, jacobian: Floats, step: Floats) -> bool:
     """Whether the readings of some machine, without any noise, round to all that were read.
 
@@ -160,12 +150,12 @@ def log_probability(residuals: Floats, jacobian: Floats, step: Floats) -> float:
     zero. Unlike a sum of squares it asks of each reading only whether it rounds to what was read.
     """
     left, off = _without(residuals, jacobian, step)
-    readings, start = _Readings.of(left, off, step), np.zeros(off.shape[1])
-
-    def top(noise: float, near: _Top | None) -> _Top:
-        return _top(readings, noise, start if near is None else near.at)
-
-    return _most(_at_noises(top, _noises(left, step)))
+    readings = _Readings.of(left, off, step)
+    at, most = np.zeros(off.shape[1]), -np.inf
+    for noise in _noises(left, step, NOISES_OF_SETS):
+        at, log = _top(readings, noise, at)
+        most = max(most, log)
+    return most
 
 
 def log_of(residuals: Floats, step: Floats, noise: float) -> float:
@@ -195,7 +185,7 @@ def _over_all(residuals: Floats, jacobian: Floats, step: Floats) -> tuple[Floats
     """Return columns, and places at noises about that at which what was read is likeliest."""
     left, off = _without(residuals, jacobian, step)
     readings = _Readings.of(left, off, step)
-    return off, _at_noises(partial(_places, readings), _noises(left, step))
+    return off, _at_noises(readings, _noises(left, step, NOISES))
 
 
 def _gram(off: Floats, weight: Floats) -> Floats:
@@ -211,11 +201,11 @@ def _without(residuals: Floats, jacobian: Floats, step: Floats) -> tuple[Floats,
     return left, along * (float(step.max()) / np.sqrt(12))
 
 
-def _noises(left: Floats, step: Floats) -> list[float]:
+def _noises(left: Floats, step: Floats, shares: Sequence[float]) -> list[float]:
     """Noises to try, from where the top is easily found; the scatter at most."""
     scatter, largest = float(np.sqrt(np.mean(left**2))), float(step.max())
-    smaller = [share * largest for share in NOISES if share * largest < scatter]
-    return [scatter or largest * NOISES[-1], *smaller]
+    smaller = [share * largest for share in shares if share * largest < scatter]
+    return [scatter or largest * shares[-1], *smaller]
 
 
 def place_of(
@@ -248,7 +238,7 @@ def place_of(
     off, rows, largest = jacobian @ along, used > 0, float(step.max())
     readings = _Readings.of(residuals[rows], off[rows], step[rows])
     tried = [share * largest for share in NOISES] if noise is None else [noise]
-    found = _at_noises(partial(_places, readings), tried)
+    found = _at_noises(readings, tried)
     best = max(places.log for places in found)
     weight = np.exp([places.log - best for places in found])
     if len(found) > 1:
@@ -260,34 +250,32 @@ def place_of(
     return Place(along, off, at, np.asarray(np.tensordot(weight, every, 1)), middle)
 
 
-def _at_noises(
-    of: Callable[[float, AtNoise | None], AtNoise], noises: Sequence[float]
-) -> list[AtNoise]:
-    """Results at each noise, from the largest on, as long as a smaller one may be likelier.
+def _at_noises(readings: _Readings, noises: Sequence[float]) -> list[_Places]:
+    """Places at each noise, from the largest on, as long as a smaller one may be likelier.
 
-    And at some about the likeliest, where the probability changes much to its neighbours. ``of``:
-    that of a noise, from a result nearby.
+    And at some about the likeliest, where the probability changes much to its neighbours.
     """
-    found = list[AtNoise]()
+    found = list[_Places]()
     for noise in noises:
-        found.append(of(noise, found[-1] if found else None))
+        found.append(_places(readings, noise, found[-1] if found else None))
         if found[-1].log < max(one.log for one in found) - PAST:
             break
     for _ in range(HALVED):
         i = max(range(len(found)), key=lambda i: found[i].log)
         best, about = found[i], (found[k] for k in (i - 1, i + 1) if 0 <= k < len(found))
         between = [one for one in about if best.log - one.log > NEAR]
-        found += [of(float(np.sqrt(best.noise * one.noise)), best) for one in between]
+        middles = [float(np.sqrt(best.noise * one.noise)) for one in between]
+        found += [_places(readings, noise, best) for noise in middles]
         found.sort(key=lambda one: -one.noise)
     return found
 
 
-def _most(found: Sequence[AtNoise]) -> float:
+def _most(found: Sequence[_Places]) -> float:
     """Largest ln P, between noises as a parabola through three says."""
     i = max(range(len(found)), key=lambda i: found[i].log)
-    if not 0 < i < len(found) - 1:
+    three = found[max(i - 1, 0) : i + 2]
+    if len(three) < 3 or min(one.log for one in three) < found[i].log - BENT:
         return found[i].log
-    three = found[i - 1 : i + 2]
     x = np.log([one.noise / found[i].noise for one in three])
     bent, slope, level = np.polyfit(x, [one.log for one in three], 2).tolist()
     return float(level - slope**2 / (4.0 * bent)) if bent < 0 else found[i].log
@@ -344,7 +332,7 @@ def _together(readings: _Readings, noise: float) -> tuple[Floats, Floats]:
     return half, noises
 
 
-def _top(readings: _Readings, noise: float, at: Floats) -> _Top:
+def _top(readings: _Readings, noise: float, at: Floats) -> tuple[Floats, float]:
     """Likeliest place from a start, and ln P of all readings there."""
     ridge, off, times = WIDER**-2, readings.off, readings.times
 
@@ -367,7 +355,7 @@ def _top(readings: _Readings, noise: float, at: Floats) -> _Top:
         else:
             break
         at, (log, slope, curvature) = at + share * step, new
-    return _Top(at, log + ridge * float(at @ at) / 2, noise)
+    return at, log + ridge * float(at @ at) / 2
 
 
 def _of_readings(off: Floats, half: Floats, noise: Floats | float) -> tuple[Floats, Floats, Floats]:
