@@ -10,7 +10,6 @@ from trunnion.base.resolution import NO_FLOOR
 from trunnion.base.units import Floats
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.engine import leave
-from trunnion.diagnosis.fit import fit, is_near
 from trunnion.diagnosis.plain import case_of
 from trunnion.diagnosis.probability import Probabilities
 from trunnion.diagnosis.selection import search
@@ -76,25 +75,6 @@ def test_a_process_beside_fewer_columns_is_that_beside_these_columns(gone: tuple
     of_fewer = along.sums(np.delete(columns, gone, axis=1)).without()
     for found, expected in zip(along.sums(columns).without(gone), of_fewer, strict=True):
         assert np.allclose(found, expected, rtol=1e-9)
-
-
-def test_a_fit_from_places_that_are_known_ends_where_one_that_seeks_them_does() -> None:
-    data = axis(np.random.default_rng(4), noise=0.3)
-    warming = 5 * (1 - np.exp(-np.arange(len(data)) / 30))
-    model = model_of(data.with_columns(measured_mm=data.measured + 1e-3 * warming))
-    case = case_of(model)
-    effect = next(e for e in model.effects if e.id == "warmup")
-    start = case.values[model.effects.index(effect)][0]
-    rows, plain = case.rows, case.plain.nuisance
-    sought = fit(model, rows, [effect], plain, {"warmup": start}, case.whiten)
-    known = dict(sought.effects)
-    assert is_near(effect, known["warmup"], known["warmup"])
-    assert not is_near(effect, known["warmup"], case.values[model.effects.index(effect)][-1])
-    near = fit(model, rows, [effect], plain, known, case.whiten, None, {"warmup"})
-    assert near.rss == pytest.approx(sought.rss, rel=1e-7)
-    assert list(near.effects["warmup"].values()) == pytest.approx(
-        list(known["warmup"].values()), rel=1e-3
-    )
 
 
 def test_a_joint_diagnosis_begins_at_places_that_its_measurements_found() -> None:

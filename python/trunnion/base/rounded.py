@@ -276,9 +276,13 @@ def _most(found: Sequence[_Places]) -> float:
     three = found[max(i - 1, 0) : i + 2]
     if len(three) < 3 or min(one.log for one in three) < found[i].log - BENT:
         return found[i].log
-    x = np.log([one.noise / found[i].noise for one in three])
-    bent, slope, level = np.polyfit(x, [one.log for one in three], 2).tolist()
-    return float(level - slope**2 / (4.0 * bent)) if bent < 0 else found[i].log
+    (x, y), (u, v) = (
+        (float(np.log(one.noise / found[i].noise)), one.log - found[i].log)
+        for one in (three[0], three[2])
+    )
+    bent = (y / x - v / u) / (x - u)
+    slope = y / x - bent * x
+    return found[i].log - (slope**2 / (4.0 * bent) if bent < 0 else 0.0)
 
 
 def _places(readings: _Readings, noise: float, near: _Places | None) -> _Places:

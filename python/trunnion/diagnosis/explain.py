@@ -12,7 +12,7 @@ from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.explanation import Explanation, Sets
-from trunnion.diagnosis.fit import Fit, fit, is_near
+from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.in_steps import by_probability, chance_as_read
 from trunnion.diagnosis.part_of_wander import part_of_wander
 from trunnion.diagnosis.probability import NEAR_ODDS, Behind, Beside, Only, Probabilities
@@ -134,23 +134,14 @@ def _pruned(case: Case, members: dict[int, int], f: Fit) -> tuple[dict[int, int]
 
 
 def _fit_members(case: Case, members: dict[int, int]) -> Fit:
-    """Fit a set exactly: candidates and their variants. The last fit of a case is kept.
-
-    A cause of it that is near its variant begins where it was found: it is not sought again.
-    """
+    """Fit a set exactly: candidates and their variants. The last fit of a case is kept."""
     key = tuple(members.items())
     if key in case.fits:
         return case.fits[key]
     effects = [case.effects[j] for j in members]
     start = {case.effects[j].id: case.values[j][v] for j, v in members.items()}
-    plain, last = case.plain, next(iter(case.fits.values()), None)
-    known = (
-        {} if last is None else {e.id: last.effects[e.id] for e in effects if e.id in last.effects}
-    )
-    near = {e.id for e in effects if e.id in known and is_near(e, known[e.id], start[e.id])}
-    start |= {id_: known[id_] for id_ in near}
-    nuisance = last.nuisance if last is not None and near else plain.nuisance
-    f = fit(case.model, case.rows, effects, nuisance, start, case.whiten, plain.judged, near)
+    plain = case.plain
+    f = fit(case.model, case.rows, effects, plain.nuisance, start, case.whiten, plain.judged)
     case.fits.clear()
     case.fits[key] = f
     return f

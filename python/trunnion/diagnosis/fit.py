@@ -6,7 +6,7 @@ leftovers of second order look like information. A fit moves in the directions t
 """
 
 import itertools
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TypeAlias
@@ -145,18 +145,16 @@ def fit(
     values: dict[str, Values],
     whiten: Whiten,
     judged: LinearFit | None = None,
-    near: Collection[str] = (),
 ) -> Fit:
     """Gauss-Newton from ``start``; nonlinear parameters are first zoomed in on, one at a time.
 
     ``rows``: readings used. ``whiten`` maps all readings. ``judged``: of another fit of the model
-    to the same rows with the same weights. ``near``: ids of effects whose ``values`` are near the
-    best already.
+    to the same rows with the same weights.
     """
     problem = _Problem(model, rows, effects, whiten, judged)
     at = _Point(start.copy(), {k: Values(v) for k, v in values.items()})
-    if not all(e.linear or e.id in near for e in effects):
-        _zoom(problem, at, near)
+    if not all(e.linear for e in effects):
+        _zoom(problem, at)
     r = problem.residuals(at)
     w = problem.used(r)
     rss = float(w @ w)
@@ -379,27 +377,16 @@ def _downhill(
     return None
 
 
-def is_near(effect: Effect, values: Values, place: Values) -> bool:
-    """Whether nonlinear parameters are between the neighbours of a place on their grids."""
-    free = ((np.asarray(p.grid), p.name) for p in effect.parameters if not p.linear)
-    return all(
-        low <= values[name] <= high
-        for grid, name in free
-        for low, high in [_neighbours(grid, place[name])]
-    )
-
-
 def _neighbours(grid: Array, value: float) -> tuple[float, float]:
     """Places of a grid before and after the one that is nearest to a value."""
     at = int(np.argmin(np.abs(grid - value)))
     return float(grid[max(at - 1, 0)]), float(grid[min(at + 1, len(grid) - 1)])
 
 
-def _zoom(problem: _Problem, at: _Point, near: Collection[str]) -> None:
+def _zoom(problem: _Problem, at: _Point) -> None:
     """Refine nonlinear parameters between the neighbours of their grid values, in place.
 
-    Those of effects that are ``near`` the best stay. The linear parameters of all effects are
-    solved for at each trial; they are left at zero.
+    The linear parameters of all effects are solved for at each trial; they are left at zero.
     """
     model, effects, values = problem.model, problem.effects, at.values
     y = problem.used(model.readings.values - model.predict(at.nuisance, {}))
@@ -414,7 +401,7 @@ def _zoom(problem: _Problem, at: _Point, near: Collection[str]) -> None:
         base = base @ problem.judged.directions.T
     others = _Others(base, effects, columns)
     for e in effects:
-        if e.linear or e.id in near:
+        if e.linear:
             continue
         q, residual = others.without(e, y)
         for p in e.parameters:

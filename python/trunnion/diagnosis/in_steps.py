@@ -78,17 +78,17 @@ def chance_as_read(case: Case, searched: Search) -> float:
     return min(NAMING_LEVEL * float(np.exp(-beyond / 2)), 1.0)
 
 
-def as_read(case: Case, f: Fit, variance: float) -> Fit | None:
+def as_read(case: Case, f: Fit) -> tuple[Fit, bool]:
     """Return a fit at the middle of all machines that were read so, with their covariance.
 
-    It lies nearer to the machine than least squares, for which readings that share their errors of
-    rounding are many. ``variance``: of a white reading. None: rounding is as good as random, or the
-    readings do not say where machines lie. Where what was read is no more probable there (a model
-    is no straight line that far) the fit stays, with how far the middle is off.
+    And whether readings say where these lie: not where rounding is as good as random. The middle
+    lies nearer to the machine than least squares, for which readings that share their errors of
+    rounding are many. Where what was read is no more probable there (a model is no straight line
+    that far) the fit stays, with how far the middle is off.
     """
-    place = case.place(f)
+    place, variance = case.place(f), float(case.floor.noise(f.rss, f.dof))
     if place is None or variance <= 0 or case.grid is None:
-        return None
+        return f, False
     moved, rows = place.along @ place.at, case.rows
     first = len(f.nuisance)
     effects = {name: Values(values) for name, values in f.effects.items()}
@@ -101,14 +101,15 @@ def as_read(case: Case, f: Fit, variance: float) -> Fit | None:
         log_of(left[rows], case.grid.step[rows], place.noise) for left in (f.residuals, residuals)
     )
     if not after >= before:
-        return replace(f, covariance=(covariance + np.outer(moved, moved)) / variance)
-    return replace(
+        return replace(f, covariance=(covariance + np.outer(moved, moved)) / variance), True
+    read = replace(
         f,
         nuisance=nuisance,
         effects=effects,
         residuals=residuals,
         covariance=covariance / variance,
     )
+    return read, True
 
 
 def _says_more(case: Case, searched: Search) -> bool:

@@ -99,10 +99,10 @@ def left_of(case: Case, e: Explanation, dropped: Integers) -> Left:
     unexplained = remaining(kept, e.fit, e.terms) or _unexplained(e)
     named = e.fit if e.sets else kept.plain
     kept, f, _ = with_structure(kept, e.terms, named)
-    f = _as_read(kept, f)[0]
+    f = as_read(kept, f)[0]
     rows = np.asarray(model.readings.rows)
     return Left(
-        (case.given or _as_read(case, case.plain)[0]).residuals,
+        (case.given or as_read(case, case.plain)[0]).residuals,
         f.residuals,
         rows,
         tuple(sorted({int(r) for r in rows[dropped]})),
@@ -129,8 +129,8 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     verdict = _verdict(unexplained, kept, rows, plain, f, len(alternatives), len(dropped))
     kept, f, source = with_structure(kept, e.terms, f)
     variance = float(case.floor.noise(f.rss, f.dof))
-    every, plain = _as_read(case, case.plain)[0], _as_read(case.without(dropped), plain)[0]
-    f, read = _as_read(kept, f)
+    every, plain = as_read(case, case.plain)[0], as_read(case.without(dropped), plain)[0]
+    f, read = as_read(kept, f)
     f = _with_what_is_stated(kept, f, variance)
     left = f.residuals - kept.shared(f)
     gain = _gain(kept, rows, plain, f, left)
@@ -151,6 +151,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     contributions, ladder = contributions_of(kept, case.given or plain, grown, rows)
     known = _uncertainty(kept, f, doubt, shape, sigma, variance)
     in_doubt = (*notes_of_structure(model, open_, std), *notes_of_shape(model, f, shape, std))
+    notes = (*in_doubt, *_notes(case, variance, sigma, read=read))
     return Diagnosis(
         verdict=verdict,
         causes=_causes(case, e, grown, variance, wide, alternatives),
@@ -176,20 +177,11 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         residuals=_residuals(kept.model, case.given or every, f, left, rows),
         reservation=model.reservation,
         too_little=too_little(kept, others),
-        notes=(
-            *(*in_doubt, *_notes(case, variance, sigma, read=read)),
-            *_notes_of_causes(kept, f, variance),
-        ),
+        notes=(*notes, *_notes_of_causes(kept, f, variance)),
         contributions=contributions,
         ladder=ladder,
         none_probability=e.probabilities.none,
     )
-
-
-def _as_read(case: Case, f: Fit) -> tuple[Fit, bool]:
-    """Return a fit as readings in steps say (:func:`.in_steps.as_read`), and whether they do."""
-    read = as_read(case, f, float(case.floor.noise(f.rss, f.dof)))
-    return read or f, read is not None
 
 
 def _by_name(model: Model, f: Fit) -> dict[str, float]:

@@ -46,7 +46,7 @@ class NextPass(Result):
     >>> data = tn.read_diameters(tn.sample_path("turning/diameters.csv"))
     >>> best = tn.next_passes(tn.diagnose(data, setup))[0]
     >>> [sorted(causes) for causes in best.distinguished]
-    [['tool_heating', 'tool_wear']]
+    [['chuck_tilt', 'tool_heating'], ['tool_heating', 'tool_wear']]
     """
 
     label: str
