@@ -123,18 +123,15 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     e = with_behind(e)
     model, f, alternatives = case.model, e.fit, _alternatives(case, e)
     rows, kept = np.flatnonzero(kept_rows(len(model.readings), dropped)), case.without(dropped)
-    plain = kept.plain
     unexplained = remaining(kept, f, e.terms) or _unexplained(e)
-    f = f if alternatives else plain
-    verdict = _verdict(unexplained, kept, rows, plain, f, len(alternatives), len(dropped))
+    f = f if alternatives else kept.plain
+    verdict = _verdict(unexplained, kept, rows, kept.plain, f, len(alternatives), len(dropped))
+    every, plain = as_read(case, case.plain)[0], as_read(kept, kept.plain)[0]
     kept, f, source = with_structure(kept, e.terms, f)
     variance = float(case.floor.noise(f.rss, f.dof))
-    every, plain = as_read(case, case.plain)[0], as_read(case.without(dropped), plain)[0]
-    f, read = as_read(kept, f)
-    f = _with_what_is_stated(kept, f, variance)
+    f, growth, read = _values(kept, f, variance)
     left = f.residuals - kept.shared(f)
     gain = _gain(kept, rows, plain, f, left)
-    growth = np.ones(len(f.covariance)) if read else kept.growth(f, variance)
     of_sets = Doubt.of(kept, f, alternatives, variance, growth)
     open_ = left_open(kept, e, f, source, variance)
     shape = shape_in_doubt(kept, f, model.effects, variance)
@@ -182,6 +179,16 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         ladder=ladder,
         none_probability=e.probabilities.none,
     )
+
+
+def _values(case: Case, f: Fit, variance: float) -> tuple[Fit, Floats, bool]:
+    """Return a fit as it is reported, and how many times its standard errors errors are.
+
+    And whether it is one of machines that were read so (:func:`.in_steps.as_read`).
+    """
+    f, read = as_read(case, f)
+    f = _with_what_is_stated(case, f, variance)
+    return f, np.ones(len(f.covariance)) if read else case.growth(f, variance), read
 
 
 def _by_name(model: Model, f: Fit) -> dict[str, float]:
