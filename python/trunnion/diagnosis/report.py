@@ -182,10 +182,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
 
 
 def _values(case: Case, f: Fit, variance: float) -> tuple[Fit, Floats, bool]:
-    """Return a fit as it is reported, and how many times its standard errors errors are.
-
-    And whether it is one of machines that were read so (:func:`.in_steps.as_read`).
-    """
+    """A fit as it is reported, growth of its standard errors, whether of machines read so."""
     f, read = as_read(case, f)
     f = _with_what_is_stated(case, f, variance)
     return f, np.ones(len(f.covariance)) if read else case.growth(f, variance), read
