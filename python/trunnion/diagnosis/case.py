@@ -277,6 +277,11 @@ class Case:
         return {}
 
     @cached_property
+    def read(self) -> dict[Fit, Fit]:
+        """Fits as readings in steps say (:mod:`.in_steps`)."""
+        return {}
+
+    @cached_property
     def fits(self) -> dict[tuple[tuple[int, int], ...], Fit]:
         """Fit of the last set of candidates and their variants (:mod:`.explain`)."""
         return {}

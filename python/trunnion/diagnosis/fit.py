@@ -377,12 +377,6 @@ def _downhill(
     return None
 
 
-def _neighbours(grid: Array, value: float) -> tuple[float, float]:
-    """Places of a grid before and after the one that is nearest to a value."""
-    at = int(np.argmin(np.abs(grid - value)))
-    return float(grid[max(at - 1, 0)]), float(grid[min(at + 1, len(grid) - 1)])
-
-
 def _zoom(problem: _Problem, at: _Point) -> None:
     """Refine nonlinear parameters between the neighbours of their grid values, in place.
 
@@ -467,7 +461,9 @@ def linear_of(effect: Effect, rows: int) -> slice | list[int]:
 
 def _zoom_one(name: str, grid: Array, values: Values, gains_of: Callable[[Array], Array]) -> None:
     """Refine one nonlinear parameter for the largest gain, in place."""
-    low, high = _neighbours(grid, values[name])
+    at = int(np.argmin(np.abs(grid - values[name])))
+    low = float(grid[max(at - 1, 0)])
+    high = float(grid[min(at + 1, len(grid) - 1)])
     for _ in range(GRID_ZOOMS):
         trials = np.linspace(low, high, ZOOM_POINTS)
         gains = gains_of(trials)

@@ -196,9 +196,11 @@ class FormulaEffect:
         """Return it with what is searched held at values, and the others: it is linear then."""
         names = [p.name for p in self._searched]
         rest = {k: float(v) for k, v in values.items() if k not in names}
-        held = zip(("number", "width"), zip(names, self.start, strict=False), strict=False)
-        at = {field: float(values.get(name, x)) for field, (name, x) in held}
-        return (replace(self, **at, searched=False) if names else self), rest  # type: ignore[arg-type]
+        if not names:
+            return self, rest
+        at = [float(values.get(name, x)) for name, x in zip(names, self.start, strict=False)]
+        number, width = (*at, *self.start[len(at) :])
+        return replace(self, number=number, width=width, searched=False), rest
 
     @property
     def start(self) -> tuple[float, float]:

@@ -17,7 +17,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from trunnion.base.rounded import gained, log_of, log_probability
+from trunnion.base.rounded import Place, gained, log_of, log_probability
 from trunnion.base.units import Floats
 from trunnion.diagnosis.candidates import NAMING_LEVEL
 from trunnion.diagnosis.case import Case
@@ -79,7 +79,7 @@ def chance_as_read(case: Case, searched: Search) -> float:
 
 
 def as_read(case: Case, f: Fit) -> tuple[Fit, bool]:
-    """Return a fit at the middle of all machines that were read so, with their covariance.
+    """Return a fit at the middle of all machines that were read so, with their covariance (kept).
 
     And whether readings say where these lie: not where rounding is as good as random. The middle
     lies nearer to the machine than least squares, for which readings that share their errors of
@@ -87,8 +87,16 @@ def as_read(case: Case, f: Fit) -> tuple[Fit, bool]:
     that far) the fit stays, with how far the middle is off.
     """
     place, variance = case.place(f), float(case.floor.noise(f.rss, f.dof))
-    if place is None or variance <= 0 or case.grid is None:
+    if place is None or variance <= 0:
         return f, False
+    if f not in case.read:
+        case.read[f] = _in_the_middle(case, f, place, variance)
+    return case.read[f], True
+
+
+def _in_the_middle(case: Case, f: Fit, place: Place, variance: float) -> Fit:
+    """The same, at a place; ``variance``: of a white reading."""
+    assert case.grid is not None
     moved, rows = place.along @ place.at, case.rows
     first = len(f.nuisance)
     effects = {name: Values(values) for name, values in f.effects.items()}
@@ -101,15 +109,14 @@ def as_read(case: Case, f: Fit) -> tuple[Fit, bool]:
         log_of(left[rows], case.grid.step[rows], place.noise) for left in (f.residuals, residuals)
     )
     if not after >= before:
-        return replace(f, covariance=(covariance + np.outer(moved, moved)) / variance), True
-    read = replace(
+        return replace(f, covariance=(covariance + np.outer(moved, moved)) / variance)
+    return replace(
         f,
         nuisance=nuisance,
         effects=effects,
         residuals=residuals,
         covariance=covariance / variance,
     )
-    return read, True
 
 
 def _says_more(case: Case, searched: Search) -> bool:
