@@ -130,7 +130,7 @@ def joined_covariates(parts: Sequence[Part]) -> tuple[Covariate, ...]:
     for part in parts:
         own = slice(first, first + len(part.rows))
         for v in part.model.covariates:
-            every = np.full(n, v.values[0])
+            every = np.full(n, v.values[0], dtype=np.asarray(v.values).dtype)  # labels as they are
             every[own] = v.values
             known = np.zeros(n, dtype=bool)
             known[own] = True if v.known is None else v.known
