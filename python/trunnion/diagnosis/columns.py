@@ -231,14 +231,10 @@ class Shelf:
         return len(last) - self._used
 
     def add(self, part: Part) -> None:
-        """Add a part that is complete; columns of the same readings as the last go with these."""
+        """Add a part that is complete."""
         self.close()
         self.filled += len(part)
-        last = self._parts[-1] if self._parts else None
-        if isinstance(part, Beside) and isinstance(last, Beside) and part.goes_with(last):
-            self._parts[-1] = last.followed_by(part)
-        else:
-            self._parts.append(part)
+        self._parts.append(part)
 
     def close(self) -> None:
         """Give back the room that is left."""
@@ -384,7 +380,7 @@ def _orthonormal(
     weights, of_basis, seen = orthonormal_weights(gram, taken, least)
     out = shelf.room(len(of_basis), kind)
     for some in _at_hand(b * k, n):
-        of_x = (weights @ x[:, :, some])[seen]
+        of_x = _combined(weights, x[:, :, some], seen)
         np.subtract(of_x, of_basis @ basis[some].T, out=out[:, some])
     return np.asarray(seen.sum(axis=1))
 
@@ -399,7 +395,7 @@ def _orthonormal_of_some(
     b, k, n = x.shape
     taken = (x.reshape(-1, n) @ basis[at]).reshape(b, k, -1)
     weights, of_basis, seen = orthonormal_weights(gram, taken, least)
-    shelf.add(Beside((weights @ x)[seen], at, basis, of_basis))
+    shelf.add(Beside(_combined(weights, x, seen), at, basis, of_basis))
     return np.asarray(seen.sum(axis=1))
 
 
@@ -441,6 +437,12 @@ def orthonormal_weights(gram: Floats, taken: Floats, least: float) -> tuple[Floa
     seen = w > DEPENDENT
     weights = (u / np.sqrt(np.where(seen, w, 1.0))[:, None, :]).transpose(0, 2, 1)
     return weights * unit[:, None], (weights @ taken)[seen], seen
+
+
+def _combined(weights: Floats, x: Floats, seen: Flags) -> Floats:
+    """Combinations of the rows of blocks (b, k, n) that are independent, (M, n)."""
+    made = weights * x if x.shape[1] == 1 else weights @ x
+    return made.reshape(-1, x.shape[2]) if seen.all() else made[seen]
 
 
 def inner(columns: Floats, r: Floats) -> Floats:

@@ -51,15 +51,6 @@ class Beside:
         out[:, self.at] += self.own[some]
         return np.asarray(out)
 
-    def goes_with(self, other: "Beside") -> bool:
-        """Whether columns are of the same readings, beside the same basis."""
-        return self.at == other.at and self.basis is other.basis
-
-    def followed_by(self, other: "Beside") -> "Beside":
-        """Columns of both, one after the other."""
-        own = np.concatenate([self.own, other.own])
-        return Beside(own, self.at, self.basis, np.concatenate([self.of_basis, other.of_basis]))
-
     def times(self, r: Floats) -> Floats:
         """Inner products of the columns with residuals (n,) or (n, s)."""
         return self.along(r, self.basis.T @ r)
