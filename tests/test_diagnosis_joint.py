@@ -22,6 +22,7 @@ from trunnion.diagnosis.fit import grid_values
 from trunnion.diagnosis.plain import case_of
 from trunnion.models.joint import JointModel
 from trunnion.models.kinds import model_of
+from trunnion.models.parts import Acts
 from twin.forward import Truth
 from twin.generator import measure, random_errors, random_placement
 
@@ -227,9 +228,10 @@ def test_columns_taken_over_from_the_parts_are_those_made_anew() -> None:
         off = np.zeros(3)
         for effect in part.model.effects:
             values = grid_values(effect)[:2]
-            known = part.white_columns(part.model.start, effect, values)
+            acts = Acts(0, effect, 1.0)
+            known = part.white_columns(part.model.start, acts, values)
             for i, share in enumerate((0.0, 0.5, 1.0)):
-                made = anew.white_columns(plain + share * step, effect, values)
+                made = anew.white_columns(plain + share * step, acts, values)
                 off[i] += np.sum((made - known) ** 2) / np.sum(known**2)
         assert off[0] < 1e-20
         assert np.sqrt(off[2]) == pytest.approx(2 * np.sqrt(off[1]), rel=0.1, abs=1e-9)

@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from positioning_twin import axis
+from power.one_machine import drawn
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.columns import Piece
 from trunnion.diagnosis.of_some import OfSome
 from trunnion.diagnosis.plain import case_of
+from trunnion.diagnosis.scan import Dictionary
 from trunnion.models.joint import JointModel
 from trunnion.models.kinds import model_of
 
@@ -53,3 +55,23 @@ def test_a_joint_model_gives_what_acts_in_one_part_by_its_readings() -> None:
         assert isinstance(piece, OfSome)
         assert np.array_equal(whole[:, piece.at], piece.own)
         assert np.count_nonzero(whole) == np.count_nonzero(piece.own)
+
+
+def test_structure_of_several_measurements_is_that_of_each() -> None:
+    model = model_of(*drawn(("touches", "sweep"), 0, 43))
+    assert isinstance(model, JointModel)
+    assert any(part.dictionary is part.terms for part in model.parts)
+    case = case_of(model)
+    taken, made = case.dictionary, Dictionary(model, case.rows, case.whiten)
+    place = {term: i for i, term in enumerate(made.terms)}
+    assert len(taken.terms) == len(place)
+    assert {term.covariate.rpartition(" of ")[2] for term in place} == {"touches", "sweep"}
+    assert "-X arm, -Y side" in [t.number for t in place if t.covariate == "face of touches"]
+    same = [place[term] for term in taken.terms]
+    r = np.random.default_rng(43).normal(size=(len(case.rows), 3))
+    r -= case.plain.basis @ (case.plain.basis.T @ r)
+    for own, expected in zip(*(d.gains(r, case.plain.basis) for d in (taken, made)), strict=True):
+        assert np.allclose(own, expected[same], atol=1e-9)
+    for term in range(0, made.count, 17):
+        assert np.allclose(taken.block(term), made.block(same[term]), atol=1e-12)
+        assert np.allclose(taken.variants(term), made.variants(same[term]), atol=1e-12)

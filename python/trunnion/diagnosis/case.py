@@ -390,7 +390,8 @@ class Case:
     @cached_property
     def dictionary(self) -> Dictionary:
         """Structure without a name, whitened."""
-        return Dictionary(self.model, self.rows, self.whiten, self.known)
+        known = self.model.dictionary(self.whiten) if self.complete else None
+        return known or Dictionary(self.model, self.rows, self.whiten, self.known)
 
     @cached_property
     def dictionary_as_read(self) -> Dictionary:

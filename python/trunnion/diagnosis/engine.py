@@ -41,10 +41,11 @@ from trunnion.diagnosis.cross_validation import better
 from trunnion.diagnosis.explain import LINEAR_ERROR, best_score, exactly, explain
 from trunnion.diagnosis.explanation import Explanation
 from trunnion.diagnosis.fit import Fit, fit
+from trunnion.diagnosis.left import Left, left_of
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.plain import case_of, plain_fit, whitened
 from trunnion.diagnosis.records import rms, units_of
-from trunnion.diagnosis.report import Left, left_of, report
+from trunnion.diagnosis.report import report
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scatter import Directions, price
 from trunnion.diagnosis.selection import MAX_CAUSES, WITHIN, search

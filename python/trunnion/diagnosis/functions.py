@@ -7,8 +7,9 @@ many readings neither are jumps: their inner products are sums over the readings
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Self, TypeAlias
 
 import numpy as np
 
@@ -141,6 +142,13 @@ class Part(ABC):
 
     def __len__(self) -> int:
         return len(self.numbers)
+
+    def among(self, terms: int, readings: int) -> Self:
+        """Return the same terms behind so many others, in readings behind so many others."""
+        new = copy(self)
+        new.numbers = self.numbers + terms
+        new.some = slice(self.some.start + readings, self.some.stop + readings)
+        return new
 
     @property
     def width(self) -> int:

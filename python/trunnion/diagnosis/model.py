@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,9 @@ from trunnion.diagnosis.of_some import OfSome
 from trunnion.diagnosis.whitening import Correlated, Whiten, identity
 from trunnion.machine.budget import Input, Source
 from trunnion.machine.effects import Owner
+
+if TYPE_CHECKING:
+    from trunnion.diagnosis.scan import Dictionary
 
 FINEST_NOISE = 1e-3  # µm, arcsec, µm/m: no instrument resolves less, nor formulas say more
 
@@ -269,6 +272,10 @@ class Model:
         """Places of candidates beside those of their grids, by the candidate's number: none."""
         return {}
 
+    def dictionary(self, whiten: Whiten) -> Dictionary | None:  # noqa: ARG002
+        """Structure without a name in all readings, where it is known; None: it is to be made."""
+        return None
+
     @property
     def allows_outliers(self) -> bool:
         """Whether single readings can be false (a chip, a false trigger) and may be set aside."""
@@ -487,8 +494,7 @@ class Model:
 
         With what the fit says of the uncertainty; None: the values are exact.
         """
-        names = (n.name for n in self.nuisance)
         return {
-            "nuisance": dict(zip(names, map(float, nuisance), strict=True)),
+            "nuisance": {x.name: float(v) for x, v in zip(self.nuisance, nuisance, strict=True)},
             "effects": {k: dict(v) for k, v in effects.items()},
         }

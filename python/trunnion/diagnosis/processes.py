@@ -15,7 +15,7 @@ from trunnion.diagnosis.columns import DEPENDENT
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.probability import Beside
 from trunnion.diagnosis.quantities import smooth_functions
-from trunnion.diagnosis.scan import beside_a_term
+from trunnion.diagnosis.scan import Dictionary, beside_a_term
 from trunnion.diagnosis.selection import REACH, WITHIN, Found, search
 from trunnion.diagnosis.smooth import Along, Sums, mean_deviance
 from trunnion.diagnosis.whitening import Whiten
@@ -52,13 +52,18 @@ def processes(case: Case, best: Found) -> list[Beside]:
 
 
 def share_of_noise(
-    model: Model, left: Floats, jacobian: Floats, whiten: Whiten, floor: Floor, *, terms: bool
+    model: Model,
+    left: Floats,
+    jacobian: Floats,
+    whiten: Whiten,
+    floor: Floor,
+    terms: Dictionary | None,
 ) -> float:
     """Share of the mean square of residuals (n,) that is noise, and no structure.
 
     The likeliest process takes its part where it is likelier than that there is none; else, if they
-    show ``terms`` of the dictionary, the likeliest of these. ``jacobian``: by what is always
-    fitted, (n, p); ``floor``: of the variance of a white reading.
+    show some of the ``terms``, the likeliest of these. ``jacobian``: by what is always fitted,
+    (n, p); ``floor``: of the variance of a white reading.
     """
     n = len(left)
     every = smooth_functions(model, np.arange(n), MAX_QUANTITIES) if n < MANY_ROWS else []
@@ -77,9 +82,9 @@ def share_of_noise(
         if best.deviance + 2.0 * float(np.log(len(every))) < float(floor.deviance(rss, dof)):
             beside = np.asarray(best.whiten(white))
             return min(float(floor.noise(float(beside @ beside), dof) / noise), 1.0)
-    if not terms:
+    if terms is None:
         return 1.0
-    return min(float(floor.noise(*beside_a_term(model, white, basis, whiten, floor)) / noise), 1.0)
+    return min(float(floor.noise(*beside_a_term(terms, white, basis, floor)) / noise), 1.0)
 
 
 def _compared(

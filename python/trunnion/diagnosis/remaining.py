@@ -7,6 +7,7 @@ import numpy as np
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.dependence import BLOCK, length
+from trunnion.diagnosis.explanation import Explanation
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import rms, units_of, with_unit
@@ -17,7 +18,20 @@ MAX_STRETCHES = 3
 MIN_STRETCHED = 0.25  # of the variance, that the largest stretches are named for
 
 
-def remaining(case: Case, f: Fit, terms: Sequence[tuple[Term, float]]) -> str | None:
+def unexplained(case: Case, e: Explanation) -> str | None:
+    """Say what an explanation leaves that is more than noise; None: there is none."""
+    if found := _remaining(case, e.fit, e.terms):
+        return found
+    if e.terms:
+        (first, share), *others = e.terms
+        text = f"the residual depends on {first.sentence()}: {100 * share:.0f} % of its variance"
+        if others:
+            text += "; equally consistent with " + " or ".join(t.sentence() for t, _ in others)
+        return text
+    return e.note
+
+
+def _remaining(case: Case, f: Fit, terms: Sequence[tuple[Term, float]]) -> str | None:
     """Say what a fit leaves; None where all of it is stationary noise.
 
     ``terms``: quantities that it depends on, with their share of its variance.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from trunnion.diagnosis.explain import MIN_EXPLAINED, with_behind
 from trunnion.diagnosis.explanation import Explanation
 from trunnion.diagnosis.fit import Fit, confounded, grid_values, variant_columns
 from trunnion.diagnosis.in_steps import as_read
-from trunnion.diagnosis.linearised import Linearised
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.moments import moment_errors
 from trunnion.diagnosis.records import (
@@ -30,13 +29,13 @@ from trunnion.diagnosis.records import (
     units_of,
     with_unit,
 )
-from trunnion.diagnosis.remaining import remaining
+from trunnion.diagnosis.remaining import unexplained
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scatter import Scatter
 from trunnion.diagnosis.shape_in_time import notes_of_shape, shape_in_doubt
 from trunnion.diagnosis.structure import left_open, notes_of_structure, structure_of, with_structure
 from trunnion.diagnosis.unnoticed import Others, is_small, names_of, too_little, unnoticed_of
-from trunnion.diagnosis.whitening import Whiten, correlated
+from trunnion.diagnosis.whitening import correlated
 from trunnion.machine.budget import MODEL, SHAPE, Source, of_readings, root
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import bias_in_words, combined, named_combination
@@ -57,64 +56,6 @@ TINY = 1e-300
 CLEAR = 0.2  # of the rms, that causes may leave unexplained and still explain the data
 
 
-@dataclass(frozen=True, eq=False)
-class Left:
-    """What a diagnosis leaves of the readings: all that one of several measurements asks of it.
-
-    before, after: Reading minus prediction of the plain and of the extended model, (n,).
-    rows: Data row of each reading, (n,).
-    outliers: Data rows that were set aside, in order.
-    parameters: Count of those of the named causes.
-    unexplained: Structure that no cause makes, in words.
-    linearised: The candidates at the plain fit of all readings.
-    whiten: What made the noise of all readings white; None: some are left out, or it is not known.
-    exact: Whether they have no noise.
-    assumed: Variance of a white reading that the causes of exact ones were searched with.
-    """
-
-    before: Floats
-    after: Floats
-    rows: Integers
-    outliers: tuple[int, ...]
-    parameters: int
-    unexplained: str | None
-    linearised: Linearised | None = None
-    whiten: Whiten | None = None
-    exact: bool = False
-    assumed: float = 0.0
-
-    @classmethod
-    def of(cls, found: Diagnosis) -> Left | None:
-        """Return that of a diagnosis; None: it has no residuals."""
-        r = found.residuals
-        if r is None:
-            return None
-        count = sum(len(c.parameters) for c in found.causes)
-        return cls(r.before, r.after, r.rows, found.outliers, count, found.unexplained)
-
-
-def left_of(case: Case, e: Explanation, dropped: Integers) -> Left:
-    """Return what an explanation leaves: the same as its report says."""
-    kept, model = case.without(dropped), case.model
-    unexplained = remaining(kept, e.fit, e.terms) or _unexplained(e)
-    named = e.fit if e.sets else kept.plain
-    kept, f, _ = with_structure(kept, e.terms, named)
-    f = as_read(kept, f)[0]
-    rows = np.asarray(model.readings.rows)
-    return Left(
-        (case.given or as_read(case, case.plain)[0]).residuals,
-        f.residuals,
-        rows,
-        tuple(sorted({int(r) for r in rows[dropped]})),
-        sum(len(values) for values in named.effects.values()),
-        unexplained,
-        case.linearised,
-        None if len(dropped) else case.whiten,
-        exact=e.assumed > 0 or kept.exact(f),
-        assumed=e.assumed,
-    )
-
-
 def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     """Put an explanation without the readings ``dropped`` into words and numbers.
 
@@ -123,9 +64,9 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     e = with_behind(e)
     model, f, alternatives = case.model, e.fit, _alternatives(case, e)
     rows, kept = np.flatnonzero(kept_rows(len(model.readings), dropped)), case.without(dropped)
-    unexplained = remaining(kept, f, e.terms) or _unexplained(e)
+    said = unexplained(kept, e)
     f = f if alternatives else kept.plain
-    verdict = _verdict(unexplained, kept, rows, kept.plain, f, len(alternatives), len(dropped))
+    verdict = _verdict(said, kept, rows, kept.plain, f, len(alternatives), len(dropped))
     every, plain = as_read(case, case.plain)[0], as_read(kept, kept.plain)[0]
     kept, f, source = with_structure(kept, e.terms, f)
     variance = float(case.floor.noise(f.rss, f.dof))
@@ -154,7 +95,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         causes=_causes(case, e, grown, variance, wide, alternatives),
         evidence=tuple(alternatives),
         gain=gain,
-        unexplained=unexplained,
+        unexplained=said,
         errors_before=model.location_errors(every.nuisance, {}),
         errors_after=model.location_errors(f.nuisance, f.effects),
         errors_std=std,
@@ -449,16 +390,6 @@ def _uncertainty(
         f.dof,
         tuple(sources),
     )
-
-
-def _unexplained(e: Explanation) -> str | None:
-    if e.terms:
-        (first, share), *others = e.terms
-        text = f"the residual depends on {first.sentence()}: {100 * share:.0f} % of its variance"
-        if others:
-            text += "; equally consistent with " + " or ".join(t.sentence() for t, _ in others)
-        return text
-    return e.note
 
 
 def _causes(

@@ -121,12 +121,7 @@ class Dictionary:
         whiten: Whiten = identity,
         known: "Dictionary | None" = None,
     ) -> None:
-        self._model, self._rows, self._whiten = model, rows, whiten
-        self._said: list[tuple[Covariate, str, Sequence[object], Sequence[str]]] = []
-        self.count = 0
-        self._parts: list[Part] = []
-        self._covariates = tuple(model.covariates)
-        self._made: list[Made] = []  # where the parts keep these very functions
+        self._begin(model, rows, whiten)
         if known is not None and known._serves(model, rows, whiten):
             self._said, self.count = known._said, known.count
             for made in known._made:
@@ -137,6 +132,45 @@ class Dictionary:
         for part in self._parts:
             part.store(storage(self._numbers))
             part.normalise(ROUNDING * longest)
+        self._complete()
+
+    @classmethod
+    def of_all(cls, model: Model, whiten: Whiten, known: "Dictionary | None") -> "Dictionary":
+        """Return the terms of all readings: the known ones, if they are of these."""
+        rows = np.arange(len(model.readings))
+        if known is None or not (known._of(model, rows) and whiten is known._whiten):
+            return cls(model, rows, whiten, known)
+        return known
+
+    @classmethod
+    def joined(
+        cls, model: Model, whiten: Whiten, parts: Sequence[tuple[slice, "Dictionary"]]
+    ) -> "Dictionary":
+        """Return the terms of several measurements, which are below each other in a model.
+
+        ``parts``: of each its readings there, and its own terms, of the same covariates.
+        """
+        new = object.__new__(cls)
+        new._begin(model, np.arange(len(model.readings)), whiten)
+        first = 0  # of the covariates of a part
+        for at, own in parts:
+            place = {v.name: i for i, v in enumerate(own._covariates, start=first)}
+            first += len(own._covariates)
+            for v, kind, numbers, ways in own._said:
+                new._said.append((new._covariates[place[v.name]], kind, numbers, ways))
+            new._parts += [part.among(new.count, at.start) for part in own._parts]
+            new.count += own.count
+        new._complete()
+        return new
+
+    def _begin(self, model: Model, rows: Integers, whiten: Whiten) -> None:
+        """Have no terms."""
+        self._model, self._rows, self._whiten = model, rows, whiten
+        self._said, self._parts, self._made = [], [], []
+        self._covariates = tuple(model.covariates)
+
+    def _complete(self) -> None:
+        """Have all terms."""
         shared: dict[tuple[int, bytes], list[Part]] = {}
         for part in self._parts:
             shared.setdefault((part.some.start, part.components.tobytes()), []).append(part)
@@ -144,6 +178,10 @@ class Dictionary:
         self._beside: tuple[Floats, dict[int, Floats]] | None = None
         self._known: dict[int, tuple[Fit, Floats, Integers]] = {}
 
+    count = 0
+    _said: list[tuple[Covariate, str, Sequence[object], Sequence[str]]]
+    _parts: list[Part]
+    _made: list[Made]  # where the parts keep these very functions
     _numbers = 0  # of all functions that are kept
 
     @cached_property
@@ -182,8 +220,11 @@ class Dictionary:
     def _serves(self, model: Model, rows: Integers, whiten: Whiten) -> bool:
         """Whether the functions are those of a dictionary with these weights."""
         weights = whiten is identity or isinstance(whiten, Scaling)
-        same = model is self._model and np.array_equal(rows, self._rows)
-        return weights and same and len(self._made) == len(self._parts)
+        return weights and self._of(model, rows) and len(self._made) == len(self._parts)
+
+    def _of(self, model: Model, rows: Integers) -> bool:
+        """Whether the terms are of these readings."""
+        return model is self._model and np.array_equal(rows, self._rows)
 
     def _keep(self, made: Made) -> None:
         """Keep functions as a part, whitened, in the precision for so many."""
@@ -309,16 +350,13 @@ class Dictionary:
         return gain
 
 
-def beside_a_term(
-    model: Model, white: Floats, basis: Floats, whiten: Whiten, floor: Floor
-) -> tuple[float, int]:
+def beside_a_term(d: Dictionary, white: Floats, basis: Floats, floor: Floor) -> tuple[float, int]:
     """Sum of squares that the likeliest term leaves of white residuals, its degrees of freedom.
 
     Of residuals (n,) that no term explains better than causes and chance do: their own. One term,
     as a diagnosis states one: further ones would take from the noise what causes are judged by.
     ``basis``: of what is fitted, orthonormal (n, q).
     """
-    d = Dictionary(model, np.arange(len(white)), whiten)
     rss, dof = float(white @ white), len(white) - basis.shape[1]
     gain, rank = d.gains(white, basis)
     left = np.maximum(rss - gain, ROUNDING * rss)

@@ -32,6 +32,7 @@ from trunnion.diagnosis.effect import Effect, EffectValues, Parameter, Values
 from trunnion.diagnosis.model import Covariate, Model, Nuisance, Uncertainty
 from trunnion.diagnosis.of_some import OfSome
 from trunnion.diagnosis.one_effect import OneEffect
+from trunnion.diagnosis.scan import Dictionary
 from trunnion.diagnosis.whitening import Whiten, Whiteners
 from trunnion.machine.effects import Owner
 from trunnion.models.agreement import APART, LEVEL, effects_apart, errors_apart
@@ -42,6 +43,7 @@ from trunnion.models.parts import (
     are_alike,
     joined_components,
     joined_covariates,
+    joined_dictionary,
     joined_labels,
     joined_readings,
     places_of,
@@ -260,6 +262,10 @@ class JointModel(Model):
         """Places of what acts on one part, that its own diagnosis found between those of grids."""
         return places_of(self.parts, self.effects, self._acts)
 
+    def dictionary(self, whiten: Whiten) -> Dictionary | None:
+        """Structure without a name: that of the parts, by the noise that these have."""
+        return joined_dictionary(self, whiten, self.parts)
+
     def _of_part(
         self, i: int, nuisance: Floats, effects: EffectValues
     ) -> tuple[Floats, dict[str, Values]]:
@@ -283,7 +289,7 @@ class JointModel(Model):
             change = self._changes.get(id_)
             if change is None:
                 add(id_, values)
-            elif i >= change.since and self._concerns(i, change):
+            elif self._concerns(i, change):
                 if change.effect:
                     add(change.effect, values)
                 else:
@@ -291,8 +297,8 @@ class JointModel(Model):
         return at, own
 
     def _concerns(self, i: int, change: _Change) -> bool:
-        """Whether a change acts on a part: one of the same kind."""
-        return self.parts[i].kind == self.parts[change.since].kind
+        """Whether a change acts on a part: one of the same kind, not before it."""
+        return i >= change.since and self.parts[i].kind == self.parts[change.since].kind
 
     def _position(self, i: int, error: str) -> int:
         return next(k for k, x in enumerate(self.parts[i].model.nuisance) if x.name == error)
@@ -374,7 +380,7 @@ class JointModel(Model):
             at = nuisance[self._index[acts.part]]
             alike = acts.effect.parameters is effect.parameters  # columns do not hang on sizes
             places = values if alike else [acts.values(one) for one in values]
-            yield self._at[acts.part], part.white_columns(at, acts.effect, places) * acts.sign
+            yield self._at[acts.part], part.white_columns(at, acts, places)
 
     def _acting(self, effect: Effect) -> Iterator[Acts]:
         """How an effect, or the change of one, acts on each part that it concerns."""
@@ -382,9 +388,7 @@ class JointModel(Model):
         if change is None:
             yield from self._acts[effect.id]
         elif change.effect:
-            for acts in self._acts[change.effect]:
-                if acts.part >= change.since and self._concerns(acts.part, change):
-                    yield acts
+            yield from (a for a in self._acts[change.effect] if self._concerns(a.part, change))
 
     def _of_error(self, nuisance: Floats, effect: Effect) -> Iterator[tuple[slice, Floats]]:
         """Derivative by the change of an error: the rows of a part, and theirs; else nothing."""
@@ -392,7 +396,7 @@ class JointModel(Model):
         if change is None or not change.error:
             return
         for i, part in enumerate(self.parts):
-            if i >= change.since and self._concerns(i, change):
+            if self._concerns(i, change):
                 at = nuisance[self._index[i]]
                 known = self._plain.get(i)
                 if known is None or not np.array_equal(known[0], at):

@@ -23,8 +23,8 @@ from trunnion.data.touches import Touches
 from trunnion.diagnosis.effect import EffectLike
 from trunnion.diagnosis.engine import diagnose as diagnose_model
 from trunnion.diagnosis.engine import leave
+from trunnion.diagnosis.left import Left
 from trunnion.diagnosis.model import Model
-from trunnion.diagnosis.report import Left
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.files.table import named_columns
 from trunnion.machine.effects import EffectInfo

@@ -14,7 +14,8 @@ from trunnion.diagnosis.effect import Effect, EffectValues, Values
 from trunnion.diagnosis.linearised import Linearised
 from trunnion.diagnosis.model import Covariate, Model, Readings
 from trunnion.diagnosis.records import units_of
-from trunnion.diagnosis.whitening import Scaled
+from trunnion.diagnosis.scan import Dictionary
+from trunnion.diagnosis.whitening import Scaled, Whiten, Whiteners
 from trunnion.machine.estimate import Estimate
 
 MAX_KEPT = 8  # predictions of a part
@@ -65,6 +66,8 @@ class Part:
         Candidates at the plain fit of its own diagnosis, if that had these readings and this
         whitener: the joint one need not make them again. Columns there and at the joint plain fit
         differ to second order in the errors of the machine, as those at a fit with causes do.
+    terms
+        Structure without a name that its own diagnosis looked for.
     """
 
     name: str
@@ -76,15 +79,24 @@ class Part:
     more_than_noise: bool = False
     grid: Grid | None = None
     linearised: Linearised | None = None
+    terms: Dictionary | None = None
     _predicted: dict[tuple[object, ...], Floats] = field(default_factory=dict, repr=False)
 
-    def white_columns(self, nuisance: Floats, effect: Effect, values: Sequence[Values]) -> Floats:
-        """Return columns of an effect's linear parameters at each of some values, (v, k, n)."""
-        known = None if self.linearised is None else self.linearised.columns(effect.id, values)
-        if known is not None:
-            return known.transpose(0, 2, 1) / self.whiten.size
-        made = self.model.white_columns(nuisance, effect, values, self.whiten)
-        return np.asarray(made.transpose(0, 2, 1))
+    def white_columns(self, nuisance: Floats, acts: Acts, values: Sequence[Values]) -> Floats:
+        """Return columns of linear parameters of an effect that acts here, (v, k, n).
+
+        ``values``: of the part's own effect, some.
+        """
+        own = acts.effect
+        made = None if self.linearised is None else self.linearised.columns(own.id, values)
+        if made is None:
+            made = self.model.white_columns(nuisance, own, values, self.whiten.whiten)
+        return np.asarray(made.transpose(0, 2, 1) * (acts.sign / self.whiten.size))
+
+    @cached_property
+    def dictionary(self) -> Dictionary:
+        """Structure without a name in its readings: of its own diagnosis, if that had these."""
+        return Dictionary.of_all(self.model, self.whiten.whiten, self.terms)
 
     def predicted(self, nuisance: Floats, effects: EffectValues) -> Floats:
         """Return the readings under these values: causes of other parts change nothing of it."""
@@ -153,6 +165,14 @@ def joined_components(parts: Sequence[Part]) -> dict[str, Floats]:
         name: np.concatenate([x.get(name, zero) for x, zero in zip(own, none, strict=True)])
         for name in names
     }
+
+
+def joined_dictionary(model: Model, whiten: Whiten, parts: Sequence[Part]) -> Dictionary | None:
+    """Structure of each part, by the noise that it has; None: whitened otherwise."""
+    if not isinstance(whiten, Whiteners):
+        return None
+    own = zip((at for at, _ in whiten.parts), (p.dictionary for p in parts), strict=True)
+    return Dictionary.joined(model, whiten, list(own))
 
 
 def places_of(

@@ -12,11 +12,12 @@ from trunnion.base.resolution import Floor, Grid, Known
 from trunnion.base.units import Floats, Integers
 from trunnion.data.mistaken import size_notes
 from trunnion.data.times import time_notes
+from trunnion.diagnosis.left import Left
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.processes import share_of_noise
-from trunnion.diagnosis.report import Left
 from trunnion.diagnosis.result import Diagnosis
+from trunnion.diagnosis.scan import Dictionary
 from trunnion.diagnosis.scatter import Directions
 from trunnion.diagnosis.steps import grid_of, weights_of, white_beside, white_rounding
 from trunnion.diagnosis.whitening import Scaled, Scaling, Whiten, identity
@@ -84,7 +85,8 @@ class Measured:
         if known is not None and not (known.model is model and known.whiten is whiten.whiten):
             known = None
         exact, more = self.alone.exact, share < 1 or self.alone.unexplained is not None
-        return Part(name, self.kind, model, rows + start, whiten, exact, more, grid, known)
+        terms = self.alone.dictionary
+        return Part(name, self.kind, model, rows + start, whiten, exact, more, grid, known, terms)
 
     def _noise(self, model: Model, assumed: float) -> tuple[Scaled, Grid | None, float]:
         """Return what makes the noise of the used readings white, of size 1, and their steps.
@@ -104,8 +106,9 @@ class Measured:
         floor = Floor(0.0 if grid is None else white_rounding(grid, whiten))
         share = 1.0
         if not found.exact:
-            terms = found.unexplained is not None
-            share = share_of_noise(model, after, jacobian, whiten, floor, terms=terms)
+            shown = found.unexplained is not None
+            terms = Dictionary.of_all(model, whiten, found.dictionary) if shown else None
+            share = share_of_noise(model, after, jacobian, whiten, floor, terms)
         after = after * np.sqrt(share)
         quiet = 0.0 if grid is None else grid.noise(after, dof, jacobian)
         if grid is not None:  # what the fit had for its weights
