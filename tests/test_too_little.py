@@ -70,3 +70,26 @@ def test_what_it_says_would_stay_unnoticed_does(effect: dict[str, dict[str, floa
     assert name not in few.named
     assert name in many.named or any(name in one for one in many.alternatives)
     assert np.isinf([few.errors_std[k] for k in few.errors_std]).all()
+
+
+def plate(holes: int, seed: int, ppm: float) -> tn.Diagnosis:
+    """Holes of a plate of 300 mm measured with a noise of 3 µm, X long by so much."""
+    rng = np.random.default_rng([holes, seed])
+    x, y = rng.uniform(0.0, 300.0, (2, holes))
+    off_x, off_y = 3e-3 * rng.standard_normal((2, holes))
+    return tn.diagnose(
+        tn.Points(nominal_x_mm=x, nominal_y_mm=y, x_mm=x * (1 + 1e-6 * ppm) + off_x, y_mm=y + off_y)
+    )
+
+
+def test_three_holes_are_too_little() -> None:
+    """Three degrees of freedom of the residual hardly say the noise: ten standard errors are few.
+
+    They were "consistent, probability > 99 %". An X axis that is long by 100 ppm is not found.
+    """
+    few = [plate(3, seed, 100.0) for seed in range(20)]
+    assert all(d.too_little is not None for d in few)
+    assert not any(d.named for d in few)
+    many = [plate(12, seed, 100.0) for seed in range(20)]
+    assert all(d.too_little is None for d in many)
+    assert sum("scale_x" in d.named for d in many) >= 15

@@ -13,7 +13,7 @@ from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.fit import ABSORBED_SHARE, Fit, grid_values, variant_columns
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import labelled, with_unit
-from trunnion.machine.unnoticed import large, unnoticed, unnoticed_if_large
+from trunnion.machine.unnoticed import large, noticed_with, unnoticed, unnoticed_if_large
 
 MOST = 0.5
 """Share of the causes looked for, beyond which more stay unnoticed than could be found."""
@@ -26,12 +26,14 @@ MAX_MISSED = 5
 class Others:
     """Linear effects beside a fit: derivatives of the readings over their noise.
 
-    columns: By "id.parameter". jacobian, cofactor: Of what is fitted, (n, p), (p, p).
+    columns: By "id.parameter". jacobian, cofactor: Of what is fitted, (n, p), (p, p). noticed:
+    Standard errors from which one is noticed.
     """
 
     columns: Mapping[str, Floats]
     jacobian: Floats
     cofactor: Floats
+    noticed: float
 
     @classmethod
     def of(cls, case: Case, f: Fit, variance: float) -> Others | None:
@@ -41,7 +43,9 @@ class Others:
             return None
         columns = _Columns(case, f.nuisance, variance, others)
         jacobian = case.white(f.jacobian) / np.sqrt(variance)
-        return cls(columns, jacobian, f.covariance * variance)
+        known = variance > 0 and variance == case.floor.variance
+        noticed = noticed_with(np.inf if known else f.dof - 1)
+        return cls(columns, jacobian, f.covariance * variance, noticed)
 
 
 class _Columns(Mapping[str, Floats]):
@@ -79,7 +83,15 @@ def unnoticed_of(
     if others is None or not std:
         return {}
     names = names_of(case.model, f)
-    return unnoticed(others.jacobian, others.cofactor, names, others.columns, std, ABSORBED_SHARE)
+    return unnoticed(
+        others.jacobian,
+        others.cofactor,
+        names,
+        others.columns,
+        std,
+        ABSORBED_SHARE,
+        others.noticed,
+    )
 
 
 def is_small(case: Case) -> bool:
@@ -91,7 +103,9 @@ def too_little(case: Case, others: Others | None) -> str | None:
     """Say that most causes would stay unnoticed even if they were large, if so."""
     if others is None or not is_small(case):
         return None
-    ids = unnoticed_if_large(others.jacobian, others.cofactor, others.columns, ABSORBED_SHARE)
+    ids = unnoticed_if_large(
+        others.jacobian, others.cofactor, others.columns, ABSORBED_SHARE, others.noticed
+    )
     looked_for = [e for e in case.effects if e.linear]
     if len(ids) <= MOST * len(looked_for):
         return None

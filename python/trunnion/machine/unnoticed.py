@@ -3,11 +3,13 @@
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
+from scipy import special
 
 from trunnion.base.units import Floats, unit_of
 from trunnion.machine.estimate import ASSUMED_SIZE, ROUNDING
 
-NOTICED = 3.5  # standard errors of an effect with which it is missed in about one case of three
+NOTICED = 3.5
+"""Standard errors of an effect with which it is missed in about one case of three, known noise."""
 MIN_SHIFT = 1.0  # standard errors of a location error; a smaller shift of it is not mentioned
 MAX_STATED = 3
 MORE = 1.0 + 1e-9  # of two parameters that shift as much, the first is named
@@ -23,6 +25,7 @@ def unnoticed(
     columns: Mapping[str, Floats],
     std: Mapping[str, float],
     absorbed: float,
+    noticed: float = NOTICED,
 ) -> dict[str, str]:
     """Say what effects of a plausible size that stay unnoticed would do, the worst ones first.
 
@@ -39,6 +42,8 @@ def unnoticed(
         Standard errors of the location errors.
     absorbed
         Share of an effect up to which what is left of it beside the fit counts as nothing.
+    noticed
+        Standard errors from which an effect is noticed (:func:`noticed_with`).
 
     Returns
     -------
@@ -54,7 +59,7 @@ def unnoticed(
         if left <= absorbed * whole:
             continue
         effect, name = parameter.split(".", 1)
-        size = min(NOTICED / left, ASSUMED_SIZE.get(unit_of(name), 1.0))
+        size = min(noticed / left, ASSUMED_SIZE.get(unit_of(name), 1.0))
         ratio = np.abs(along[known]) * size / least
         worst = int(np.argmax(ratio))
         if ratio[worst] > MORE * max(found.get(effect, (MIN_SHIFT,))[0], MIN_SHIFT):
@@ -70,8 +75,19 @@ def unnoticed(
     return out
 
 
+def noticed_with(dof: float) -> float:
+    """Return `NOTICED` of a noise that so many degrees of freedom say: Student's for a normal."""
+    if dof <= 0:
+        return np.inf
+    return -float(special.stdtrit(dof, float(special.ndtr(-NOTICED))))
+
+
 def unnoticed_if_large(
-    jacobian: Floats, cofactor: Floats, columns: Mapping[str, Floats], absorbed: float
+    jacobian: Floats,
+    cofactor: Floats,
+    columns: Mapping[str, Floats],
+    absorbed: float,
+    noticed: float,
 ) -> tuple[str, ...]:
     """Return the effects that would stay unnoticed even if they were large.
 
@@ -81,8 +97,8 @@ def unnoticed_if_large(
     seen: dict[str, bool] = {}
     for parameter, _, left, whole in _beside(jacobian, cofactor, columns):
         effect, name = parameter.split(".", 1)
-        noticed = left > absorbed * whole and left * large(unit_of(name)) >= NOTICED
-        seen[effect] = noticed or seen.get(effect, False)
+        shown = left > absorbed * whole and left * large(unit_of(name)) >= noticed
+        seen[effect] = shown or seen.get(effect, False)
     return tuple(effect for effect, noticed in seen.items() if not noticed)
 
 
