@@ -13,7 +13,7 @@ import pytest
 
 import trunnion as tn
 from promise import kept, needed_runs
-from rotary_test_twin import ball_less_tool, conditions
+from rotary_test_twin import Hidden, ball_less_tool, conditions, drawn_test
 from trunnion.base.units import Floats
 from trunnion.models.kinds import kind_name, model_of
 from twin import forward
@@ -264,3 +264,34 @@ def test_an_effect_that_a_simulation_cannot_make_is_refused() -> None:
         tn.simulate_rotary_test(r_test(), SETUP, BALL, effects={"warmup_z": {"amplitude_um": 5.0}})
     with pytest.raises(tn.UnknownNameError, match="parameter of effect 'scale_x': got 'um'"):
         tn.simulate_rotary_test(r_test(), SETUP, BALL, effects={"scale_x": {"um": 1.0}})
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_ball_that_slips_moves_on_the_table(seed: int) -> None:
+    """As the twin has it, to second order in a length; the tool's point moves instead."""
+    test = drawn_test(np.random.default_rng([51, seed]))
+    plain = test.readings(Hidden({}, {}))
+    enters = model_of(test.data(plain), test.setup()).components
+    for axis, row in zip("XYZ", np.eye(3), strict=True):
+        moved = test.readings(Hidden({}, {}, moved=1e-3 * np.tile(row, (len(test.a), 1)))) - plain
+        assert np.allclose(-moved, enters[f"{axis} of the table"], atol=1e-4)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_slip_of_the_ball_one_way_is_no_cause_of_the_catalogue(seed: int) -> None:
+    rng = np.random.default_rng([52, seed])
+    test = drawn_test(rng)
+    slipped = 4e-3 * np.outer(test.time > 0.4 * test.time[-1], np.eye(3)[seed % 3])
+    read = test.readings(Hidden({}, {}, moved=slipped))
+    d = tn.diagnose(test.data(read + rng.normal(0.0, 1.0, read.shape)), test.setup())
+    assert d.verdict == "unexplained"
+    assert not d.named
+    assert "a jump at" in str(d.unexplained)
+    assert "of the table" in str(d.unexplained)
+
+
+def test_a_table_that_does_not_turn_has_no_directions_of_its_own() -> None:
+    plan = tn.plan_rotary_test(SETUP, BALL, {"A": np.repeat([0.0, 20.0], 12), "C": np.zeros(24)})
+    model = model_of(readings(twin_displacement(plan, {}, {}), plan, 1.0, 2), SETUP)
+    assert "X of the table" not in model.components  # A turns about X
+    assert "Y of the table" in model.components

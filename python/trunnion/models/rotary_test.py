@@ -50,6 +50,8 @@ STEP_DEG = 1e-3
 """Of a rotary axis, over which readings are differenced."""
 SAME_PLACE = 1e-3
 """µm, arcsec: over so little derivatives change by 1e-8 of themselves."""
+PARALLEL = 1.0 - 1e-9
+"""Cosine from which a displacement enters in one way, whatever frame it is given in."""
 MAX_KEPT = 2
 """Derivatives: where all fits start from, and the last."""
 NOT_CATALOGUED = "the model of the machine has no such effect"
@@ -163,9 +165,16 @@ class RotaryTestModel(Model):
 
     @property
     def components(self) -> Mapping[str, Floats]:
-        """A displacement of the tool's point along X, Y, Z, and what changes the bar's length."""
-        entering = self._catalogue
-        named = {name: entering.enters(-row) for name, row in zip(AXES, np.eye(3), strict=True)}
+        """A displacement of the tool's point along X, Y, Z of the machine and of the table.
+
+        And what changes the bar's length. A ball that slips moves on the table, and turns with it.
+        """
+        entering, ways = self._catalogue, np.eye(3)
+        named = {name: entering.enters(-row) for name, row in zip(AXES, ways, strict=True)}
+        for name, row in zip(AXES, ways, strict=True):
+            column = entering.moved(np.broadcast_to(1e-3 * row, (len(self.data), 3)))
+            if not any(_is_parallel(column, known) for known in named.values()):
+                named[f"{name} of the table"] = column
         return named if self._each > 1 else {**named, "the length": np.ones(len(self.data))}
 
     @property
@@ -264,7 +273,7 @@ class _Catalogue:
             return apart.reshape(-1)
         return np.asarray(np.einsum("ni,ni->n", self._bar, apart))
 
-    def _moved(self, tool_mm: Floats) -> Floats:
+    def moved(self, tool_mm: Floats) -> Floats:
         """Change of the readings as the tool's point moves by this, table's frame, (n, 3)."""
         return self.enters(-1e3 * np.einsum("nki,ni->nk", self._relation.directions, tool_mm))
 
@@ -276,7 +285,7 @@ class _Catalogue:
                 tool_mm(self._known.chain, self._stops, self._errors, [(info.id, values)])
                 for values in (one.tolist(), (-one).tolist())
             )
-            columns.append(self._moved((there - back)[self._at_stop] / 2))
+            columns.append(self.moved((there - back)[self._at_stop] / 2))
         names = [p.name for p in info.parameters]
         return linear(info.id, names, np.column_stack(columns), info.label)
 
@@ -287,7 +296,7 @@ class _Catalogue:
         machine = self._known.chain.machine(self._errors)
         there, back = (machine.forward(self._axes + s * step)[:, :3] for s in (1.0, -1.0))
         unit = np.degrees(ARCSEC) if number > 2 else 1e-3
-        return self._moved((there - back) / (2 * STEP_DEG) * unit)
+        return self.moved((there - back) / (2 * STEP_DEG) * unit)
 
     def _of_axis(self, number: int, letter: str) -> list[Effect]:
         """Backlash of an axis that comes from both senses; a cyclic error of a rotary one."""
@@ -308,6 +317,11 @@ class _Catalogue:
                 parts = [(np.repeat(place, 3 // self._narrow), column)]
                 made.append(periodic(f"{name}_cyclic", period, parts, label, unit="arcsec"))
         return made
+
+
+def _is_parallel(a: Floats, b: Floats) -> bool:
+    """Whether two columns are one but for their sign and length."""
+    return bool(abs(a @ b) >= PARALLEL * np.linalg.norm(a) * np.linalg.norm(b))
 
 
 @checked
