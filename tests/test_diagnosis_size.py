@@ -186,7 +186,7 @@ def test_jumps_that_are_not_made_are_those_that_are(
     rows = np.flatnonzero(rng.random(n) > 0.1)
     made = Dictionary(model, rows, whiten)
     monkeypatch.setattr(functions, "MANY_ROWS", 0)
-    monkeypatch.setattr(scan, "AT_ONCE", 100)
+    monkeypatch.setattr(functions, "AT_ONCE", 100)
     summed = Dictionary(model, rows, whiten)
     assert summed.terms == made.terms
     assert sum(term.kind == "jump" for term in made.terms) > scan.JUMPS // 2

@@ -9,13 +9,14 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Self, TypeAlias
 
 import numpy as np
 
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats, Integers
-from trunnion.diagnosis.columns import AT_HAND, BATCH_NUMBERS, MIN_ROWS
+from trunnion.diagnosis.columns import AT_HAND, AT_ONCE, BATCH_NUMBERS, MIN_ROWS
 from trunnion.diagnosis.whitening import Whiten, identity, sizes_of
 
 DEPENDENT = 1e-4  # of a squared unit column, what the fit and the term's other columns leave
@@ -169,14 +170,6 @@ class Part(ABC):
         """Keep the functions in this precision, once their products with each other are known."""
 
     @abstractmethod
-    def add(self, values: Floats, some: slice, sums: Floats) -> None:
-        """Add what some readings (r, s) are to `sums`, of which there is `room` for all."""
-
-    @abstractmethod
-    def room(self, s: int) -> Floats:
-        """Return zeros to `add` to."""
-
-    @abstractmethod
     def block(self, number: int) -> Floats:
         """Columns of one term, shape (n, k)."""
 
@@ -191,7 +184,7 @@ class Part(ABC):
         self.gram = self.gram.reshape(-1, k, k)
 
     def products(self, sums: Floats) -> Floats:
-        """Inner products of unit columns (m c, k, s), from what was added, of c s columns."""
+        """Inner products of unit columns (m c, k, s), from those of functions with c s columns."""
         m, each, k = self.size.shape
         own = sums.reshape(m, k, each, -1).transpose(0, 2, 1, 3)
         return np.asarray((own * self.scale[..., None]).reshape(m * each, k, -1))
@@ -239,15 +232,10 @@ class FunctionPart(Part):
             out += product.reshape(count, -1) @ weights[:, some].T
         return np.asarray(np.moveaxis(out.reshape(*x.shape[:-1], len(weights)), -1, 1))
 
-    def room(self, s: int) -> Floats:
-        """Return zeros to `add` to, a row for each function."""
-        m, _, k = self.size.shape
-        return np.zeros((m * k, s))
-
-    def add(self, values: Floats, some: slice, sums: Floats) -> None:
-        """Add the functions' inner products with some readings (r, s)."""
-        own = self.functions[:, :, some].reshape(len(sums), -1)
-        sums += own.astype(np.float64, copy=False) @ values
+    def rows(self, some: slice) -> Floats:
+        """Functions at some of their readings, one a row, (m k, r)."""
+        own = self.functions[:, :, some]
+        return own.reshape(-1, own.shape[2])
 
     def block(self, number: int) -> Floats:
         """Columns of one term, shape (n, k)."""
@@ -275,16 +263,8 @@ class JumpPart(Part):
     def store(self, kind: type[np.float32 | np.float64]) -> None:
         """Nothing is kept."""
 
-    def room(self, s: int) -> Floats:
-        """Return zeros to `add` to, a row for the readings between each two jumps."""
-        return np.zeros((len(self.jumps) + 1, s))
-
-    def add(self, values: Floats, some: slice, sums: Floats) -> None:
-        """Add some readings (r, s) to the sums between jumps."""
-        self.jumps.add(values, some.start, sums)
-
     def products(self, sums: Floats) -> Floats:
-        """Inner products of unit columns (m c, 1, s), from what was added, of c s columns."""
+        """Inner products of unit columns (m c, 1, s), from sums between jumps of c s columns."""
         return super().products(self.jumps.behind(sums))
 
     def block(self, number: int) -> Floats:
@@ -293,6 +273,40 @@ class JumpPart(Part):
         column = self.components[c] * self.scale[f, c]
         column[: self.jumps.first[f]] = 0.0
         return np.asarray(column[:, None])
+
+
+class Together:
+    """Parts whose functions enter by the same components, and are of the same readings.
+
+    One product for all: its right side is packed anew for each, however few functions it has.
+    """
+
+    def __init__(self, parts: Sequence[Part]) -> None:
+        self._components, self._some = parts[0].components, parts[0].some
+        self._kept = [part for part in parts if isinstance(part, FunctionPart)]
+        self._jumps = [part for part in parts if isinstance(part, JumpPart)]
+
+    def products(self, r: Floats) -> dict[int, Floats]:
+        """Inner products of all columns with r (n, s), (terms, k, s) of each part by its id.
+
+        Some readings at a time, so that functions are made double once for all components.
+        """
+        own, width = r[self._some], len(self._components) * r.shape[1]
+        ends = np.cumsum([0, *(part.size.shape[0] * part.width for part in self._kept)])
+        sums = np.zeros((ends[-1], width))
+        between = [np.zeros((len(part.jumps) + 1, width)) for part in self._jumps]
+        for first in range(0, len(own), AT_ONCE):
+            some = slice(first, first + AT_ONCE)
+            weighted = self._components[:, some].T[:, :, None] * own[some, None]
+            weighted = weighted.reshape(-1, width)
+            if self._kept:
+                rows = np.concatenate([x.rows(some) for x in self._kept], dtype=np.float64)
+                sums += rows @ weighted
+            for part, total in zip(self._jumps, between, strict=True):
+                part.jumps.add(weighted, first, total)
+        parts: list[Part] = [*self._kept, *self._jumps]
+        each = [*(sums[a:b] for a, b in pairwise(ends)), *between]
+        return {id(x): x.products(total) for x, total in zip(parts, each, strict=True)}
 
 
 def eliminated(a: Floats, z: Floats) -> tuple[Floats, Integers]:

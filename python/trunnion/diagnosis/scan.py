@@ -18,13 +18,14 @@ from trunnion.base.resolution import Floor
 from trunnion.base.rotation import cosine_sine
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats, Integers
-from trunnion.diagnosis.columns import AT_HAND, AT_ONCE, ROUNDING, storage
+from trunnion.diagnosis.columns import AT_HAND, ROUNDING, storage
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.functions import (
     DEPENDENT,
     Jumps,
     Made,
     Part,
+    Together,
     Waiting,
     eliminated,
     made_of,
@@ -174,7 +175,7 @@ class Dictionary:
         shared: dict[tuple[int, bytes], list[Part]] = {}
         for part in self._parts:
             shared.setdefault((part.some.start, part.components.tobytes()), []).append(part)
-        self._shared = list(shared.values())  # parts with the same components
+        self._shared = [Together(parts) for parts in shared.values()]
         self._beside: tuple[Floats, dict[int, Floats]] | None = None
         self._known: dict[int, tuple[Fit, Floats, Integers]] = {}
 
@@ -275,23 +276,11 @@ class Dictionary:
         return gain.reshape((-1, *r.shape[1:])), rank
 
     def _products(self, r: Floats) -> dict[int, Floats]:
-        """Inner products of all columns with r (n, s), (terms, k, s) of each part by its id.
-
-        Some readings at a time, so that functions are read and made double once for all components.
-        """
-        s = r.shape[1]
-        out: dict[int, Floats] = {}
+        """Inner products of all columns with r (n, s), (terms, k, s) of each part by its id."""
+        found: dict[int, Floats] = {}
         for parts in self._shared:
-            every, own = parts[0].components, r[parts[0].some]
-            sums = [part.room(len(every) * s) for part in parts]
-            for first in range(0, len(own), AT_ONCE):
-                some = slice(first, first + AT_ONCE)
-                weighted = every[:, some].T[:, :, None] * own[some, None]
-                weighted = weighted.reshape(-1, len(every) * s)
-                for part, total in zip(parts, sums, strict=True):
-                    part.add(weighted, some, total)
-            out |= {id(x): x.products(total) for x, total in zip(parts, sums, strict=True)}
-        return out
+            found |= parts.products(r)
+        return found
 
     def block(self, term: int) -> Floats:
         """Columns of a term, shape (n, k)."""
