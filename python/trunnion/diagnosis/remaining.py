@@ -75,7 +75,7 @@ def _goes_with(case: Case, f: Fit, segments: Sequence[Integers]) -> list[tuple[T
     count = len(left) / length([f.residuals[case.rows[s]] for s in segments])
     worth = -count * np.log(1.0 - share) - rank * np.log(max(count, 1.0))
     best = int(np.argmax(worth)) if len(worth) else 0
-    return [(known.terms[best], float(share[best]))] if np.any(worth > 0) else []
+    return [(known.term(best), float(share[best]))] if np.any(worth > 0) else []
 
 
 def _when(model: Model, left: Floats, segments: Sequence[Integers]) -> str:

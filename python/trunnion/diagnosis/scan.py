@@ -7,8 +7,7 @@ goes with.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
@@ -102,6 +101,26 @@ def ordinal(n: int) -> str:
     return f"{n}{ {1: 'st', 2: 'nd', 3: 'rd'}.get(n if n < 20 else n % 10, 'th') }"
 
 
+@dataclass(frozen=True)
+class _Terms:
+    """Terms of one kind of a covariate, ``first`` and next ones: each number in all ways."""
+
+    first: int
+    covariate: Covariate
+    kind: str
+    numbers: Sequence[object]
+    ways: Sequence[str]
+
+    def __len__(self) -> int:
+        return len(self.numbers) * len(self.ways)
+
+    def term(self, number: int) -> Term:
+        """Return one of them."""
+        at, way = divmod(number, len(self.ways))
+        v = self.covariate
+        return Term(v.name, self.kind, self.numbers[at], self.ways[way], v.unit)
+
+
 class Dictionary:
     """All terms of a model's covariates and components, for some of its readings.
 
@@ -157,8 +176,9 @@ class Dictionary:
         for at, own in parts:
             place = {v.name: i for i, v in enumerate(own._covariates, start=first)}
             first += len(own._covariates)
-            for v, kind, numbers, ways in own._said:
-                new._said.append((new._covariates[place[v.name]], kind, numbers, ways))
+            for said in own._said:
+                v = new._covariates[place[said.covariate.name]]
+                new._said.append(replace(said, first=new.count + said.first, covariate=v))
             new._parts += [part.among(new.count, at.start) for part in own._parts]
             new.count += own.count
         new._complete()
@@ -180,20 +200,25 @@ class Dictionary:
         self._known: dict[int, tuple[Fit, Floats, Integers]] = {}
 
     count = 0
-    _said: list[tuple[Covariate, str, Sequence[object], Sequence[str]]]
+    _said: list[_Terms]
     _parts: list[Part]
     _made: list[Made]  # where the parts keep these very functions
     _numbers = 0  # of all functions that are kept
 
-    @cached_property
+    @property
     def terms(self) -> list[Term]:
-        """What each block of columns stands for."""
-        return [
-            Term(v.name, kind, number, way, v.unit)
-            for v, kind, numbers, ways in self._said
-            for number in numbers
-            for way in ways
-        ]
+        """What each block of columns stands for; :meth:`term` makes one of them."""
+        return [said.term(number) for said in self._said for number in range(len(said))]
+
+    def term(self, number: int) -> Term:
+        """What a block of columns stands for."""
+        said = next(x for x in reversed(self._said) if x.first <= number)
+        return said.term(number - said.first)
+
+    def of_kind(self, kind: str) -> Integers:
+        """Numbers of the terms of a kind, ascending."""
+        some = [np.arange(x.first, x.first + len(x)) for x in self._said if x.kind == kind]
+        return np.concatenate(some) if some else np.zeros(0, dtype=np.intp)
 
     def _say(self) -> None:
         """Make the functions of all covariates, and keep them."""
@@ -204,7 +229,7 @@ class Dictionary:
                 if not len(f) or (x.said and kind != "jump"):
                     continue
                 ways = list(enter)[:1] if kind == "class" else list(enter)
-                self._said.append((v, kind, numbers, ways))
+                self._said.append(_Terms(self.count, v, kind, numbers, ways))
                 first = self.count + len(ways) * np.arange(len(f))
                 self.count += len(ways) * len(f)
                 if isinstance(f, Jumps):
@@ -298,7 +323,7 @@ class Dictionary:
         causes that are not there, and so would what a local error leaves of one beside it. Waves
         in places have causes of their own, of any length.
         """
-        of = self.terms[term]
+        of = self.term(term)
         along = next(v for v in self._covariates if v.name == of.covariate)
         if of.kind != "local" and (of.kind != "wave" or not along.sequence):
             return self.block(term)[None]
@@ -307,8 +332,9 @@ class Dictionary:
         low, high = np.min(values[own]), np.max(values[own])
         if of.kind == "local":
             place, width = of.place_and_width
-            near = [(place + s * width, w * width) for w in TIMES_WIDTH for s in BESIDE_PLACE]
-            columns = np.stack([local(values, *one, along.period) for one in near])[:, None]
+            places = place + np.tile(BESIDE_PLACE, len(TIMES_WIDTH)) * width
+            widths = np.repeat(TIMES_WIDTH, len(BESIDE_PLACE)) * width
+            columns = local(values, places[:, None], widths[:, None], along.period)[:, None]
         else:
             waves = (high - low) / float(str(of.number)) + WAVES_BETWEEN
             columns = _waves(np.pi * waves, over_range(values, low, high))
@@ -316,15 +342,15 @@ class Dictionary:
             columns = columns * np.asarray(self._model.components[of.component])
         if along.known is not None:
             columns = columns * along.known
-        made = [np.asarray(self._whiten(wave.T))[self._rows] for wave in columns]
-        return np.stack([w / np.linalg.norm(w, axis=0) for w in made])
+        white = np.asarray(self._whiten(columns.transpose(2, 0, 1)))[self._rows]
+        return np.asarray((white / np.linalg.norm(white, axis=0)).transpose(1, 0, 2))
 
     def refined(self, gain: Floats, r: Floats, basis: Floats) -> Floats:
         """Gains (t, s) for residuals (n, s), that of the best local error at its best variant.
 
         Of a large one its neighbours of the scan leave more than many causes do.
         """
-        those = np.flatnonzero([term.kind == "local" for term in self.terms])
+        those = self.of_kind("local")
         if not len(those):
             return gain
         gain = gain.copy()
@@ -390,30 +416,31 @@ def _functions(
         made = (values >= places[:, None]).astype(float)[:, None] if many is None else many
         yield "jump", list(places), made
     if len(values) < MANY_ROWS and len(distinct) > 1:
-        whole = v.period or float(distinct[-1] - distinct[0])
-        for width in whole * np.array(WIDTHS):
-            if at := _places(v, distinct, width):
-                made = np.stack([local(values, place, width, v.period) for place in at])
-                yield "local", [(place, float(width)) for place in at], made[:, None]
+        places, widths = _places(v, distinct)
+        made = local(values, places[:, None], widths[:, None], v.period)
+        yield "local", list(zip(places.tolist(), widths.tolist(), strict=True)), made[:, None]
 
 
-def _places(v: Covariate, distinct: Floats, width: float) -> list[float]:
-    """Places of local errors of a width: with several values of a quantity, and some beside each.
+def _places(v: Covariate, distinct: Floats) -> tuple[Floats, Floats]:
+    """Places and widths (m,) of local errors with several values of a quantity, some beside each.
 
     What ends where the readings end is a jump, or slow.
     """
     span = float(distinct[-1] - distinct[0])
-    span = span if v.period is None else min(span, v.period)
-    every = distinct[0] + np.arange(0.0, span + width / 4, width / STEPS_A_WIDTH)
-    off = beside(distinct, every[:, None], v.period) / width
+    whole, span = v.period or span, span if v.period is None else min(span, v.period)
+    each = [np.arange(0.0, span + w / 4, w / STEPS_A_WIDTH) for w in whole * np.array(WIDTHS)]
+    places = distinct[0] + np.concatenate(each)
+    widths = np.repeat(whole * np.array(WIDTHS), [len(x) for x in each])
+    off = beside(distinct, places[:, None], v.period) / widths[:, None]
     inside = np.sum(np.abs(off) <= 0.5, axis=1) > MIN_VALUES
-    around = (np.abs(off) > 0.5) & (np.abs(off) < 1.5)
-    inside &= np.any(around & (off < 0), axis=1) & np.any(around & (off > 0), axis=1)
-    some: list[float] = every[inside].tolist()
-    return some
+    inside &= np.any((off > -1.5) & (off < -0.5), axis=1)
+    inside &= np.any((off < 1.5) & (off > 0.5), axis=1)
+    return places[inside], widths[inside]
 
 
-def local(values: Floats, place: float, width: float, period: float | None) -> Floats:
+def local(
+    values: Floats, place: float | Floats, width: float | Floats, period: float | None
+) -> Floats:
     """Local error of height 1 about a value of a quantity: a bell, half as high at its width."""
     return np.asarray(np.exp2(-((2 * beside(values, place, period) / width) ** 2)))
 
@@ -421,7 +448,7 @@ def local(values: Floats, place: float, width: float, period: float | None) -> F
 def beside(values: Floats, place: float | Floats, period: float | None) -> Floats:
     """How far values of a quantity are from one, the short way round."""
     off = values - place
-    return off if period is None else np.mod(off + period / 2, period) - period / 2
+    return off if period is None else off - period * np.rint(off / period)
 
 
 def _waves(rates: Floats | Integers, x: Floats) -> Floats:

@@ -101,12 +101,13 @@ def _directions(case: Case, term: int) -> Floats:
 
 def _smooth(case: Case, term: int) -> int | None:
     """Return the term of all polynomials of the quantity of a term, if it is a polynomial of it."""
-    every = case.dictionary.terms
-    if every[term].kind != "polynomial":
+    d = case.dictionary
+    every: list[int] = d.of_kind("polynomial").tolist()
+    if term not in every:
         return None
-    of = (every[term].covariate, every[term].kind, every[term].component)
-    like = [i for i, one in enumerate(every) if (one.covariate, one.kind, one.component) == of]
-    return like[-1]
+    same = ((i, d.term(i)) for i in reversed(every))
+    of = d.term(term)
+    return next(i for i, x in same if (x.covariate, x.component) == (of.covariate, of.component))
 
 
 def with_a_name(case: Case, terms: Sequence[int]) -> set[int]:
@@ -170,7 +171,7 @@ def promising(case: Case, fits: Sequence[Fit]) -> list[int]:
     for f in fits:
         per: dict[tuple[str, str], int] = {}
         for i in map(int, np.argsort(-_evidence(case, f), kind="stable")):
-            term = case.dictionary.terms[i]
+            term = case.dictionary.term(i)
             key = (term.covariate, term.kind)
             if per.get(key, 0) < 2 and i not in picked:
                 per[key] = per.get(key, 0) + 1
@@ -189,5 +190,5 @@ def best_terms(case: Case, fitted: Fit) -> list[tuple[Term, float]]:
         if value[i] < value.max() - WITHIN or len(found) >= MAX_SENTENCES:
             break
         share = min(1.0, float(gain[i] / max(fitted.rss, TINY)))
-        found.setdefault(d.terms[i].covariate, (d.terms[i], share))
+        found.setdefault(d.term(i).covariate, (d.term(i), share))
     return list(found.values())
