@@ -14,7 +14,7 @@ from trunnion.base.units import Floats
 from trunnion.diagnosis.candidates import DEPENDENT_INCOMPLETE, Candidates
 from trunnion.diagnosis.columns import Family
 from trunnion.diagnosis.effect import Values
-from trunnion.diagnosis.fit import Fit, grid_values, variant_columns
+from trunnion.diagnosis.fit import Fit, first_values, variant_columns
 from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.of_some import OfSome
 
@@ -119,7 +119,7 @@ def _stated(case: Case) -> dict[int, float]:
     start = case.plain.nuisance
     for j, effect in enumerate(case.effects):
         if effect.stated is not None:
-            column = variant_columns(case.model, effect, start, grid_values(effect)[:1])[0]
+            column = variant_columns(case.model, effect, start, [first_values(effect)])[0]
             white = case.white(column)
             free = white - case.plain.basis @ (case.plain.basis.T @ white)
             sizes[j] = effect.stated.std * float(np.linalg.norm(free))

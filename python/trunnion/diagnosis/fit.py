@@ -108,6 +108,11 @@ def grid_values(effect: Effect) -> list[Values]:
     return [Values(zip(names, row, strict=True)) for row in itertools.product(*grids)]
 
 
+def first_values(effect: Effect) -> Values:
+    """Return the first of :func:`grid_values`."""
+    return Values((p.name, float(p.grid[0]) if p.grid else 0.0) for p in effect.parameters)
+
+
 def variant_columns(
     model: Model, effect: Effect, nuisance: Array, values: Sequence[Values]
 ) -> Array:

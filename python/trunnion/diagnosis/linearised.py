@@ -38,18 +38,21 @@ class Linearised:
         whiten: Whiten,
         further: Mapping[int, Values] = MappingProxyType({}),
         made: Sequence[Piece] = (),
+        grids: Sequence[list[Values]] = (),
     ) -> None:
         """``further``: of some candidates with one grid, one place more than those of it, in order.
 
         ``made``: all pieces of some of the other candidates, that need not be made again.
+        ``grids``: values at all places of the grids, of each candidate.
         """
         self.model, self.nuisance, self.whiten = model, nuisance, whiten
         self.further = dict(further)
-        self.values = [grid_values(effect) for effect in model.effects]
+        self._grids = grids or [grid_values(effect) for effect in model.effects]
+        self.values = list(self._grids)
         for j, place in further.items():
             (free,) = (p.name for p in model.effects[j].parameters if not p.linear)
-            first, *_, last = (v[free] for v in self.values[j])
-            every = [*self.values[j], place]
+            first, *_, last = (v[free] for v in self._grids[j])
+            every = [*self._grids[j], place]
             self.values[j] = sorted(every, key=itemgetter(free), reverse=first > last)
         self.width = sum(
             (2 if affine(effect) else len(v)) * sum(p.linear for p in effect.parameters)
@@ -66,7 +69,7 @@ class Linearised:
         """Return the candidates, some of them at one place more, or at another one."""
         made = [(j, piece) for j, piece in self._kept or () if j not in further]
         every = {**self.further, **further}
-        return Linearised(self.model, self.nuisance, self.whiten, every, made)
+        return Linearised(self.model, self.nuisance, self.whiten, every, made, self._grids)
 
     def place(self, id_: str) -> Values | None:
         """Return the place of an effect beside those of its grid, if there is one."""

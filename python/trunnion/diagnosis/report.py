@@ -15,7 +15,7 @@ from trunnion.diagnosis.doubt import Doubt
 from trunnion.diagnosis.effect import Values
 from trunnion.diagnosis.explain import MIN_EXPLAINED, with_behind
 from trunnion.diagnosis.explanation import Explanation
-from trunnion.diagnosis.fit import Fit, confounded, grid_values, variant_columns
+from trunnion.diagnosis.fit import Fit, confounded, first_values, variant_columns
 from trunnion.diagnosis.in_steps import as_read
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.moments import moment_errors
@@ -291,8 +291,8 @@ def _absorbed(case: Case, candidates: Candidates, std: dict[str, float], f: Fit)
         linear = [p for p in effect.parameters if p.linear]
         if rank.get(j, len(linear)) == len(linear) or (rank[j] and effect.id in f.effects):
             continue
-        start = grid_values(effect)[:1]
-        columns = variant_columns(case.model, effect, plain.nuisance, start)[0]
+        start = first_values(effect)
+        columns = variant_columns(case.model, effect, plain.nuisance, [start])[0]
         units = {f"{effect.id}.{p.name}": p.unit for p in linear}
         names = [*(x.name for x in case.model.nuisance), *units]
         rows = confounded(plain, along, case.white(columns))

@@ -10,7 +10,7 @@ import numpy as np
 from trunnion.base.units import Floats
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Effect
-from trunnion.diagnosis.fit import ABSORBED_SHARE, Fit, grid_values, variant_columns
+from trunnion.diagnosis.fit import ABSORBED_SHARE, Fit, first_values, variant_columns
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import labelled, with_unit
 from trunnion.machine.unnoticed import large, noticed_with, unnoticed, unnoticed_if_large
@@ -62,8 +62,8 @@ class _Columns(Mapping[str, Floats]):
     def __getitem__(self, name: str) -> Floats:
         """Columns are made in the order in which they are iterated."""
         if name not in self._made:
-            effect, variant = self._of[name], grid_values(self._of[name])[:1]
-            x = variant_columns(self._case.model, effect, self._nuisance, variant)[0]
+            effect, variant = self._of[name], first_values(self._of[name])
+            x = variant_columns(self._case.model, effect, self._nuisance, [variant])[0]
             white = self._case.white(x) / self._noise
             names = (f"{effect.id}.{p.name}" for p in effect.parameters)
             self._made = dict(zip(names, white.T, strict=True))

@@ -11,7 +11,7 @@ import numpy as np
 from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.effect import Effect
-from trunnion.diagnosis.fit import grid_values, variant_columns
+from trunnion.diagnosis.fit import first_values, variant_columns
 from trunnion.diagnosis.records import value_in_words
 from trunnion.diagnosis.refit import Refit, refit
 from trunnion.diagnosis.result import Diagnosis
@@ -71,7 +71,7 @@ def _seeing(seen: Sequence[tuple[str, float]]) -> tuple[str, ...]:
 def _seen_of_effect(part: Part, effect: Effect) -> float:
     """Squares of an effect's columns over the noise, one unit of each parameter."""
     model = part.model
-    columns = variant_columns(model, effect, model.start, grid_values(effect)[:1])[0]
+    columns = variant_columns(model, effect, model.start, [first_values(effect)])[0]
     white = np.asarray(part.whiten(np.column_stack([columns, _jacobian(part)])))
     count = columns.shape[1]
     return _left(white[:, :count], white[:, count:], model.rank_tolerance)
