@@ -90,53 +90,59 @@ def better(model: Model, rows: Integers, plain: Floats, found: Floats) -> bool:
 
 @dataclass
 class _Problem:
-    """A linear problem about a fit: p nuisance and k effect columns, white and raw.
+    """A linear problem about a fit: the directions of p nuisance parameters, then of effects.
 
-    ``scale``: length of each white column, which all are divided by where they are used; ``y``:
-    what there is to explain, to first order, effects taken out; ``residual``: what the fit to all
-    readings leaves of it; ``basis``: orthonormal basis of the white columns.
+    ``white``, ``raw``: its jacobian, (m, c); ``unit``: combinations of these columns that are the
+    directions, of white length 1, (c, r); ``y``: what there is to explain, to first order, effects
+    taken out; ``residual``: what the fit to all readings leaves of it; ``basis``: orthonormal, of
+    the white directions; ``along``, ``part``: these and y in the basis; ``to_basis``: combinations
+    of the columns that are the basis.
     """
 
     p: int
     white: Floats
     raw: Floats
-    scale: Floats
+    unit: Floats
     y: Floats
     y_raw: Floats
     residual: Floats
     residual_raw: Floats
     basis: Floats
+    along: Floats
+    part: Floats
     to_basis: Floats
 
     @classmethod
     def of(cls, rows: Integers, f: Fit, whiten: Whiten) -> "_Problem":
         """Of the directions that the fit identifies."""
         effects = [f.effects[i][name] for i, name in f.names]
-        own = f.directions[:, len(f.nuisance) :] @ effects
+        own = f.directions.T @ (f.directions[:, len(f.nuisance) :] @ effects)
         some = slice(None) if MANY_ROWS <= len(rows) == len(f.jacobian) else rows
         columns = np.asarray(whiten(f.jacobian))
-        same = columns is f.jacobian
-        white = columns[some] @ f.directions.T
-        raw = white if same else f.jacobian[some] @ f.directions.T
+        raw = f.jacobian[some]
+        white = raw if columns is f.jacobian else columns[some]
         y_raw = f.residuals[rows] + raw @ own
         y = np.asarray(whiten(f.residuals))[rows] + white @ own
-        scale = np.sqrt(np.einsum("ij,ij->j", white, white))
-        part, beside = f.basis.T @ y, f.basis.T @ white
-        residual_raw = y_raw - raw @ np.linalg.solve(beside, part)
+        part, beside = f.basis.T @ y, (f.basis.T @ white) @ f.directions.T
+        scale = np.linalg.norm(beside, axis=0)
+        unit, along = f.directions.T / scale, beside / scale
+        to_basis = np.asarray(unit @ np.linalg.inv(along), dtype=np.float64)
+        residual_raw = y_raw - raw @ (to_basis @ part)
         p = int(np.any(f.directions[:, : len(f.nuisance)], axis=1).sum())
-        to_basis = np.asarray(np.linalg.inv(beside / scale), dtype=np.float64)
         left = y - f.basis @ part
-        return cls(p, white, raw, scale, y, y_raw, left, residual_raw, f.basis, to_basis)
+        return cls(
+            p, white, raw, unit, y, y_raw, left, residual_raw, f.basis, along, part, to_basis
+        )
 
     @cached_property
     def gram(self) -> Floats:
-        """Inner products of the white columns."""
-        return np.asarray(self.white.T @ self.white / np.outer(self.scale, self.scale))
+        """Inner products of the white directions."""
+        return np.asarray(self.along.T @ self.along)
 
     @cached_property
     def rhs(self) -> Floats:
-        """Inner products of the white columns with what there is to explain."""
-        return np.asarray(self.y @ self.white / self.scale)
+        """Inner products of the white directions with what there is to explain."""
+        return np.asarray(self.along.T @ self.part)
 
     @cached_property
     def frame(self) -> Floats:
@@ -167,7 +173,7 @@ def _left_out(problem: _Problem, part: Integers, at: Integers) -> tuple[Floats, 
     kept[~sure] = np.eye(q.shape[1])
     change = np.linalg.solve(kept, pull[:, :, None])[:, :, 0]
     each = np.repeat(change, np.diff(at, append=len(q)), axis=0)
-    raw = (problem.raw[part] / problem.scale) @ problem.to_basis
+    raw = problem.raw[part] @ problem.to_basis
     return problem.residual_raw[part] + np.einsum("ij,ij->i", raw, each), sure
 
 
@@ -187,7 +193,7 @@ def _squares(q: Floats, sizes: Integers, at: Integers) -> Floats:
 def _own_fit(problem: _Problem, part: Integers) -> Floats:
     """Misses of a group of which the others do not identify all."""
     p, frame = problem.p, problem.frame
-    a, y = problem.white[part] / problem.scale, problem.y[part]
+    a, y = problem.white[part] @ problem.unit, problem.y[part]
     matrix = problem.gram - a.T @ a
     b = problem.rhs - a.T @ y
     inverse, unknown = _pseudo_inverse(frame.T @ matrix[:p, :p] @ frame)
@@ -199,7 +205,7 @@ def _own_fit(problem: _Problem, part: Integers) -> Floats:
     beta = np.concatenate([inverse @ (b[:p] - cross @ effect), effect])
     if unknown.shape[1]:
         beta[:p] += unknown @ linear_fit(a[:, :p] @ unknown, y - a @ beta).solution
-    return np.asarray(problem.y_raw[part] - (problem.raw[part] / problem.scale) @ beta)
+    return np.asarray(problem.y_raw[part] - problem.raw[part] @ (problem.unit @ beta))
 
 
 def _frame(gram: Floats) -> Floats:
