@@ -56,15 +56,16 @@ Made by `make power-probabilities` on measurements of the independent generators
 15 %, drawn at random, with sizes over a decade, logarithmically uniform, from about the smallest
 that can be named: points, ball-bar tests (hybrid ones, too), diameters, levels, tests of rotary
 axes and axis logs are changed by 5 to 50 noises (root of the sum of squares, beside what is always
-fitted; a smooth shape of levels, which has a dozen parameters, by 10 to 100), touches by 6 to 70,
-the others by a share of a usual size; causes that look alike are drawn together, too (a drift and a
-warm-up of an axis, a curve of targets and a wave that is one of these), but not effects on axis
-logs with a correlation above 0.7, nor those on touches, levels and tests of rotary axes with one
-above 0.999; of a tilt and an axial motion that one target of a sweep does not tell apart one is
-drawn, either as often. In one of eight cases an error is hidden that is no cause of the catalogue
-(hybrid ball-bar: none). Of those of levels, cycles of the room's air last nearly a
-pass, a half or a third of it (1, 2 or 3 a pass, 0.2 more or less at most): with half a cycle more
-the level that is turned for the second pass reads what a surface of that shape would give.
+fitted; a smooth shape of levels, which has a dozen parameters, by 10 to 100, chatter, which has two
+amplitudes a pass at any of 200 pitches, by 9 to 90), touches by 6 to 70, the others by a share of a
+usual size; causes that look alike are drawn together, too (a drift and a warm-up of an axis, a
+curve of targets and a wave that is one of these), but not effects on axis logs with a correlation
+above 0.7, nor those on touches, levels and tests of rotary axes with one above 0.999; of a tilt and
+an axial motion that one target of a sweep does not tell apart one is drawn, either as often. In one
+of eight cases an error is hidden that is no cause of the catalogue (hybrid ball-bar: none). Of
+those of levels, cycles of the room's air last nearly a pass, a half or a third of it (1, 2 or 3 a
+pass, 0.2 more or less at most): with half a cycle more the level that is turned for the second pass
+reads what a surface of that shape would give.
 
 A diagnosis states, for sets of causes and for none, how probable it is that just these causes of
 the catalogue act. *Stated* and *true*: the mean probability of the most probable set and how often

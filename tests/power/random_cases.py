@@ -35,6 +35,7 @@ COUNTS = (0.25, 0.35, 0.25, 0.15)  # of no cause, one, two, three
 BATCH = 20
 LEFT = (5.0, 50.0)  # a cause alone is named from about 3.5 on
 SMOOTH = 2.0  # times that: a smooth shape without a name, which has a dozen parameters
+CHATTER = 1.8  # times that: two amplitudes a pass at any of 200 pitches, named from about 6 on
 SAME = 0.999  # correlation of what two causes leave, above which they are one to these readings
 VISIBLE = 0.1  # of a cause is left at least, beside what is always fitted
 SAME_OF_ONE_TARGET = {"tilt_1": "axial_2", "tilt_2": "axial_3"}
@@ -146,13 +147,11 @@ def diameters(rng: Rng, number: int) -> Drawn:
     """Two or three turned passes, some with one more on a warm tool."""
     hidden = _some(rng, tuple(turning_blind.LAWS))
     unknown = bool(rng.random() < UNKNOWN_SHARE)
+    passes, warm = int(rng.integers(2, 4)), bool(rng.random() < 0.3)
+    more = [CHATTER if name == "chatter" else 1.0 for name in (*hidden, *["unknown"] * unknown)]
+    left = [k * abs(x) for k, x in zip(more, _left(rng, len(more)), strict=True)]
     data, setup = turning_blind.measured(
-        900_000 + number,
-        hidden,
-        int(rng.integers(2, 4)),
-        warm=bool(rng.random() < 0.3),
-        left=[abs(x) for x in _left(rng, len(hidden) + unknown)],
-        unknown=unknown,
+        900_000 + number, hidden, passes, warm=warm, left=left, unknown=unknown
     )
     return Drawn(data, setup, frozenset(hidden), unknown)
 
