@@ -116,7 +116,7 @@ def test_a_cause_of_known_sign_has_all_its_odds_there(size: float) -> None:
     for at in range(2):
         readings = size * columns[:, at] + noise
         stated = Probabilities(search(candidates, readings), candidates)
-        true = {
+        true: dict[tuple[int, ...], float] = {
             s: mean_likelihood(readings, columns[:, [*s]], least[[*s]], one_way[[*s]])
             / 2.0 ** len(s)
             for s in ((0,), (1,), (0, 1))
