@@ -10,7 +10,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import trunnion as tn
 from positioning_twin import HIDDEN, axis
@@ -59,17 +58,11 @@ def test_one_more_cause_that_does_not_pay_weighs_less() -> None:
     assert weighed
 
 
-def mean_likelihood(
-    readings: Floats, columns: Floats, least: Floats, positive: NDArray[np.bool_] | bool = False
-) -> float:
-    """Likelihood, mean over sizes of causes of one column and over the noise, drawn.
-
-    positive: Which of the causes have positive sizes only, (k,).
-    """
+def mean_likelihood(readings: Floats, columns: Floats, least: Floats) -> float:
+    """Likelihood, mean over sizes of causes of one column and over the noise, drawn."""
     rng = np.random.default_rng(7)
     shape = (100_000, columns.shape[1])
     sizes = least * np.exp(rng.uniform(0, np.log(100), shape)) * rng.choice([-1.0, 1.0], shape)
-    sizes = np.where(positive, np.abs(sizes), sizes)
     sigma = np.geomspace(0.5, 2.0, 41)
     square, along = columns.T @ columns, columns.T @ readings
     own = np.einsum("si,ij,sj->s", sizes, square, sizes)
@@ -101,30 +94,6 @@ def test_sets_weigh_their_mean_likelihood() -> None:
                 assert stated.of_set(s) == pytest.approx(true[s] / whole, rel=0.2, abs=0.01)
                 compared += 1
     assert compared >= 6
-
-
-@pytest.mark.parametrize("size", [-5.0, -3.5, 3.5, 4.0, 4.5, 12.0])
-def test_a_cause_of_known_sign_has_all_its_odds_there(size: float) -> None:
-    """The first of two causes is nothing if negative: against draws of sizes and noise."""
-    rng = np.random.default_rng(11)
-    columns = np.linalg.qr(rng.standard_normal((40, 3)))[0]
-    candidates = Candidates([x[None, :, None] for x in columns.T[:2]], np.zeros((40, 0)))
-    candidates.positive = frozenset({0})
-    least, one_way = np.sqrt(candidates.penalty), np.array([True, False])
-    noise = rng.standard_normal(40)
-    noise -= columns @ (columns.T @ noise)
-    for at in range(2):
-        readings = size * columns[:, at] + noise
-        stated = Probabilities(search(candidates, readings), candidates)
-        true: dict[tuple[int, ...], float] = {
-            s: mean_likelihood(readings, columns[:, [*s]], least[[*s]], one_way[[*s]])
-            / 2.0 ** len(s)
-            for s in ((0,), (1,), (0, 1))
-        }
-        true[()] = mean_likelihood(readings, columns[:, :0], least[:0])
-        whole = sum(true.values())
-        for s, likely in true.items():
-            assert stated.of_set(frozenset(s)) == pytest.approx(likely / whole, rel=0.1, abs=0.01)
 
 
 def test_the_summary_leads_with_them() -> None:

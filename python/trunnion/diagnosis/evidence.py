@@ -4,9 +4,9 @@ The probability of a set is its mean likelihood times what is assumed of it befo
 Raftery 1995, Bayes factors). A cause acts with odds of one among all candidates. Its size, the root
 of the sum of squares of what it changes in the readings, is from the least that is seen (the root
 of what a cause has to gain, `.candidates.Candidates.chance`) to `RANGE` times as large,
-logarithmically uniform and in any direction of its columns (of a cause that is nothing if negative,
-in its own); a nonlinear parameter is any value of its grid. Over that of the best sizes the mean
-likelihood of causes j with columns of unit length is (Laplace's approximation) ::
+logarithmically uniform and in any direction of its columns; a nonlinear parameter is any value of
+its grid. Over that of the best sizes the mean likelihood of causes j with columns of unit length is
+(Laplace's approximation) ::
 
     Π I_j · sqrt(|C| / Π |C_j|)
 
@@ -30,7 +30,7 @@ from functools import cached_property
 import numpy as np
 from scipy import special
 
-from trunnion.base.units import Flags, Floats, Integers
+from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import NAMING_LEVEL
 from trunnion.diagnosis.selection import TINY, Search
 
@@ -114,12 +114,6 @@ class Evidence:
         cost = np.where(free, c.penalty, 0.0)  # that of a cause which must explain may be inf
         return np.where(free, 0.0, np.sqrt(chance)), np.where(free, 0.0, own), cost
 
-    @cached_property
-    def _positive(self) -> Flags:
-        """Whether a block is of a cause that is nothing if negative, shape (b,)."""
-        c = self.search.c
-        return np.isin(c.owner, sorted(c.positive))
-
     def _at_best(self, rank: tuple[int, ...], blocks: Integers) -> Floats:
         """-2 ln of the odds of sets, at their values of the nonlinear parameters, shape (s,).
 
@@ -143,13 +137,9 @@ class Evidence:
             some = least[:, width == k] > 0
             wide = _log_det(spread[:, own[:, :, None], own[:, None]][some])
             length = np.linalg.norm(sizes[:, own], axis=2) / sigma
-            one_way = self._positive[blocks[:, width == k]]
-            if k == 1:
-                length = np.where(one_way, sizes[:, own[:, 0]] / sigma, length)
             error, small = np.exp(wide / (2 * k)), least[:, width == k][some]
-            ln = _log_mean_likelihood(length[some], error, k, small, one_way[some])
             value = np.zeros(some.shape)
-            value[some] = wide - 2 * ln
+            value[some] = wide - 2 * _log_mean_likelihood(length[some], error, k, small)
             out = out + value.sum(axis=1)
         if c.stated:
             many = zip(blocks.tolist(), rss.tolist(), strict=True)
@@ -238,26 +228,21 @@ def _log_mean_of_directions(x: Floats, columns: int) -> Floats:
     return np.where(turned > TINY, mean, x**2 / (2 * columns) - x)
 
 
-def _log_mean_likelihood(
-    size: Floats, error: Floats, columns: int, least: Floats, one_way: Flags
-) -> Floats:
+def _log_mean_likelihood(size: Floats, error: Floats, columns: int, least: Floats) -> Floats:
     """Logarithm of the mean over the sizes of causes of the likelihood over that of the best (s,).
 
     size, error: estimate, the length of a vector of so many columns, and the standard error of
-    each; least: that is seen. All in standard deviations of the noise. ``one_way``: causes of one
-    column that are nothing if negative; their size is signed.
+    each; least: that is seen. All in standard deviations of the noise.
     """
     of_sphere = math.lgamma(columns / 2)
     area = math.log(2) + columns / 2 * math.log(math.pi) - of_sphere
-    ways = np.where(one_way, math.log(2), 0.0)  # of the ways that others have, half are none
     volume = columns * np.log(math.sqrt(2 * math.pi) * error / np.maximum(size, TINY))
-    out = np.asarray(volume - area + ways - math.log(math.log(RANGE)))
+    out = np.asarray(volume - area - math.log(math.log(RANGE)))
     near = (size <= FAR * error) | (size <= least + 3 * error)
     if near.any():
         b, e = size[near, None], error[near, None]
         sizes = least[near, None] * SIZES
-        turned = _log_mean_of_directions(sizes * np.abs(b) / e**2, columns)
-        ln = np.where(one_way[near, None], 0.0, turned) - (sizes - b) ** 2 / (2 * e**2)
+        ln = _log_mean_of_directions(sizes * b / e**2, columns) - (sizes - b) ** 2 / (2 * e**2)
         largest = ln.max(axis=1, keepdims=True)
         out[near] = largest[:, 0] + np.log(np.mean(np.exp(ln - largest), axis=1))
     return out

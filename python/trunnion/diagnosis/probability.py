@@ -245,7 +245,7 @@ class Probabilities:
     def _odds_unseen(self, searched: Search, f: Found) -> dict[int, float]:
         """Odds of each cause that a set of a search hides, beside this set."""
         c = searched.c
-        left, along, sign = searched.beside(f.blocks)
+        left, along = searched.beside(f.blocks)
         left = left * c.kept
         hidden = (left < HIDDEN) & (c.owner < self.candidates.count)
         hidden &= c.penalty > 0.0
@@ -258,9 +258,7 @@ class Probabilities:
                 # fitted exactly, nothing is seen of what is not determined
                 fitted = np.where(np.isinf(c.penalty[own]), 0.0, along[own])
                 seen = np.sqrt(np.minimum(fitted / max(noise, TINY), least))
-                one_way = j in c.positive
-                seen = sign[own] * seen if one_way else seen
-                likely = _mean_likelihood(seen, np.sqrt(least * left[own]), one_way=one_way)
+                likely = _mean_likelihood(seen, np.sqrt(least * left[own]))
                 out[j] = float(np.mean(likely)) * float(c.level[j]) / NAMING_LEVEL
         return out
 
@@ -291,15 +289,12 @@ def _mask(members: Collection[int]) -> int:
     return sum(1 << m for m in members)
 
 
-def _mean_likelihood(seen: Floats, least: Floats, *, one_way: bool) -> Floats:
+def _mean_likelihood(seen: Floats, least: Floats) -> Floats:
     """Likelihood of a cause over that without it, mean over its sizes, shape (b,).
 
     ``seen``: what is seen of it beside the others, in standard errors; ``least``: what would be of
-    the smallest that is seen by itself; ``one_way``: it is nothing if negative, and ``seen`` is
-    signed.
+    the smallest that is seen by itself.
     """
     size = SIZES[:, None] * least
-    likely = np.exp(size * (seen - size / 2))
-    if not one_way:
-        likely = (likely + np.exp(-size * (seen + size / 2))) / 2
-    return np.asarray(np.mean(likely, axis=0))
+    either = np.exp(size * (seen - size / 2)) + np.exp(-size * (seen + size / 2))
+    return np.asarray(np.mean(either, axis=0) / 2)

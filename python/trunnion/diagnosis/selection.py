@@ -365,11 +365,10 @@ class Search:
             path.append(self.extended(path[-1], b))
         return path[-1]
 
-    def beside(self, blocks: Sequence[int]) -> tuple[Floats, Floats, Floats]:
+    def beside(self, blocks: Sequence[int]) -> tuple[Floats, Floats]:
         """What a set leaves of the squared unit columns, and of the residuals along them.
 
-        Means over the columns of each block, shapes (b,); third the residuals' sign along the
-        first of these.
+        Means over the columns of each block, shapes (b,).
         """
         c = self.c
         taken, residual = self.built(blocks).core.products()
@@ -378,7 +377,7 @@ class Search:
         total = np.cumsum(np.stack([np.maximum(free, 0.0), along]), axis=1)
         total = np.concatenate([np.zeros((2, 1)), total], axis=1)
         left, seen = (total[:, c.start + c.rank] - total[:, c.start]) / c.rank
-        return left, seen, np.sign(residual[c.start])
+        return left, seen
 
     def gains_beside(self, blocks: Sequence[int], further: range) -> tuple[float, Floats]:
         """What a set leaves (RSS), and by how much less each of further blocks beside it would.
