@@ -43,6 +43,7 @@ if TYPE_CHECKING:
 
 EXACT = 1e-12  # of the largest reading: rounding
 SINGULAR = 1e-8  # of a correlation matrix of estimates
+DOUBTFUL_P = 1e-3  # from which on it is seen what others leave without an effect
 CERTAIN_P = 1e-9  # below which an effect is there without doubt, however many were tried
 TINY = 1e-300
 
@@ -139,6 +140,22 @@ class Case:
             return sought, wald
         held = of(*self._wald(effect, f, held=True))
         return held if held < CERTAIN_P else sought, wald
+
+    def chance_beside(self, effect: Effect, f: Fit, variance: float) -> tuple[float, float]:
+        """The same, also by what the others of the fit leave without it, where they are fitted.
+
+        A tool that warms up so slowly that it grows in proportion to time has any amplitude, with a
+        time constant to it, and is there all the same.
+        """
+        chance, wald = self.chance(effect, f, variance)
+        if effect.linear or self.dependent or chance < DOUBTFUL_P:
+            return chance, wald
+        others = {name: values for name, values in f.effects.items() if name != effect.id}
+        fitted = [e for e in self.effects if e.id in others]
+        rest = fit(self.model, self.rows, fitted, f.nuisance, others, self.whiten)
+        k, gain = len(effect.parameters), max(rest.rss - f.rss, 0.0)
+        by_gain = special.fdtrc(k, max(f.dof, 1), gain / k / max(variance, TINY))
+        return min(chance, float(by_gain)), wald
 
     def columns_of(self, effect: Effect, f: Fit) -> list[int]:
         """Return the columns of an effect's parameters among those of a fit."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from trunnion.base.resolution import Floor
 from trunnion.diagnosis.alarms import CAUSE_LEVEL, Alarm, scatter
-from trunnion.diagnosis.candidates import Candidates
+from trunnion.diagnosis.candidates import NAMING_LEVEL, Candidates
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.explanation import Explanation, Sets
@@ -264,6 +264,7 @@ def _undetermined(case: Case, f: Fit, searched: Search) -> set[int]:
         f = replace(f, covariance=f.covariance * np.outer(growth, growth))
     out: set[int] = set()
     lost: dict[int, float] = {}
+    tried: dict[int, float] = {}
     for j, effect in enumerate(case.effects):
         if effect.id in f.effects:
             nonlinear = [not p.linear for p in effect.parameters]
@@ -284,9 +285,12 @@ def _undetermined(case: Case, f: Fit, searched: Search) -> set[int]:
             elif effect.expected and chance > EXPECTED_P:
                 out.add(j)
             elif not effect.expected and chance * count > UNDETERMINED_P:
-                lost[j] = chance
+                lost[j], tried[j] = chance, count
     if lost:  # beside another one of them a cause may be undetermined that alone is not
-        out.add(max(lost, key=lambda j: lost[j]))
+        worst = max(lost, key=lambda j: lost[j])
+        chance, _ = case.chance_beside(case.effects[worst], f, variance)
+        if len(lost) > 1 or chance * tried[worst] > NAMING_LEVEL:
+            out.add(worst)
     out = out or part_of_wander(case, f)
     # What is expected to differ gives way last, and first what can take its place.
     return (

@@ -92,7 +92,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     notes = (*in_doubt, *_notes(case, variance, sigma, read=read))
     return Diagnosis(
         verdict=verdict,
-        causes=_causes(case, e, grown, variance, wide, alternatives),
+        causes=_causes(kept, e, grown, variance, wide, alternatives),
         evidence=tuple(alternatives),
         gain=gain,
         unexplained=said,
@@ -403,12 +403,12 @@ def _causes(
     """Describe the effects of a fit, strongest first; ``wide``: with the doubt between sets."""
     named = alternatives[0].causes if alternatives else frozenset()
     out = []
-    for j, effect in enumerate(case.effects):
+    for j, effect in enumerate(case.effects[: e.candidates.count]):  # structure is behind them
         if effect.id not in f.effects:
             continue
         numbers = f.effects[effect.id]
         std = case.std(effect, wide, 1.0)
-        chance, wald = case.chance(effect, f, variance)
+        chance, wald = case.chance_beside(effect, f, variance)
         owned = np.flatnonzero(e.candidates.owner == j)
         places = float(e.candidates.places[owned[0]]) if len(owned) else 1.0
         aliases = {
