@@ -129,16 +129,11 @@ class Case:
         above what the motion excites) it may be there without doubt all the same: at the place
         found.
         """
-        dof, variance = max(f.dof, 1), max(variance, TINY)
-
-        def of(wald: float, k: int) -> float:
-            return float(special.fdtrc(k, dof, wald / k / variance))
-
         wald, rank = self._wald(effect, f, held=False)
-        sought = of(wald, rank)
+        sought = _tail(wald, rank, f, variance)
         if effect.linear:
             return sought, wald
-        held = of(*self._wald(effect, f, held=True))
+        held = _tail(*self._wald(effect, f, held=True), f, variance)
         return held if held < CERTAIN_P else sought, wald
 
     def chance_beside(self, effect: Effect, f: Fit, variance: float) -> tuple[float, float]:
@@ -153,9 +148,8 @@ class Case:
         others = {name: values for name, values in f.effects.items() if name != effect.id}
         fitted = [e for e in self.effects if e.id in others]
         rest = fit(self.model, self.rows, fitted, f.nuisance, others, self.whiten)
-        k, gain = len(effect.parameters), max(rest.rss - f.rss, 0.0)
-        by_gain = special.fdtrc(k, max(f.dof, 1), gain / k / max(variance, TINY))
-        return min(chance, float(by_gain)), wald
+        gain = max(rest.rss - f.rss, 0.0)
+        return min(chance, _tail(gain, len(effect.parameters), f, variance)), wald
 
     def columns_of(self, effect: Effect, f: Fit) -> list[int]:
         """Return the columns of an effect's parameters among those of a fit."""
@@ -472,6 +466,11 @@ class Case:
     def least_rss(self) -> float:
         """Sum of squares of readings that a set of causes fits exactly."""
         return self.plain.dof * self.least_rms**2
+
+
+def _tail(gain: float, k: int, f: Fit, variance: float) -> float:
+    """Probability that noise alone gains as much by k parameters (Fisher's distribution)."""
+    return float(special.fdtrc(k, max(f.dof, 1), gain / k / max(variance, TINY)))
 
 
 def kept_rows(n: int, bad: Integers) -> Flags:

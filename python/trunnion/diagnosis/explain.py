@@ -263,8 +263,7 @@ def _undetermined(case: Case, f: Fit, searched: Search) -> set[int]:
         growth = case.growth(f, variance)
         f = replace(f, covariance=f.covariance * np.outer(growth, growth))
     out: set[int] = set()
-    lost: dict[int, float] = {}
-    tried: dict[int, float] = {}
+    lost: dict[int, tuple[float, float]] = {}  # with the count of what was tried
     for j, effect in enumerate(case.effects):
         if effect.id in f.effects:
             nonlinear = [not p.linear for p in effect.parameters]
@@ -285,11 +284,11 @@ def _undetermined(case: Case, f: Fit, searched: Search) -> set[int]:
             elif effect.expected and chance > EXPECTED_P:
                 out.add(j)
             elif not effect.expected and chance * count > UNDETERMINED_P:
-                lost[j], tried[j] = chance, count
+                lost[j] = chance, count
     if lost:  # beside another one of them a cause may be undetermined that alone is not
-        worst = max(lost, key=lambda j: lost[j])
-        chance, _ = case.chance_beside(case.effects[worst], f, variance)
-        if len(lost) > 1 or chance * tried[worst] > NAMING_LEVEL:
+        worst = max(lost, key=lambda j: lost[j][0])
+        sole = case.effects[worst] if len(lost) == 1 else None
+        if sole is None or case.chance_beside(sole, f, variance)[0] * lost[worst][1] > NAMING_LEVEL:
             out.add(worst)
     out = out or part_of_wander(case, f)
     # What is expected to differ gives way last, and first what can take its place.

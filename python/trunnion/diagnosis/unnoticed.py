@@ -43,8 +43,7 @@ class Others:
             return None
         columns = _Columns(case, f.nuisance, variance, others)
         jacobian = case.white(f.jacobian) / np.sqrt(variance)
-        known = variance > 0 and variance == case.floor.variance
-        noticed = noticed_with(np.inf if known else f.dof - 1)
+        noticed = noticed_with(np.inf if variance == case.floor.variance else f.dof - 1)
         return cls(columns, jacobian, f.covariance * variance, noticed)
 
 
