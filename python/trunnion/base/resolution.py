@@ -370,7 +370,8 @@ class Grid:
             off = machines(jacobian, covariance, scale, spread, count, rng)
         else:
             off, each = place.drawn(count, rng), place.noise * every
-        each = np.maximum(each, MIN_NOISE_STEPS * scale)
+        if not spread or self.parts is None:  # it would part repeats that read the same
+            each = np.maximum(each, MIN_NOISE_STEPS * scale)
         where = (values - residuals)[:, None] + off
         noisy = where + each[:, None] * rng.standard_normal(where.shape)
         step = np.where(self.step > 0, self.step, 1.0)[:, None]
