@@ -74,6 +74,9 @@ class Case:
         data; None: `plain`.
     known:
         Dictionary of a case of the same model with other weights.
+    brief:
+        Whether only what is left of the readings is asked for (:mod:`.left`): sets are weighed that
+        may be named, and structure that no test of the residual shows competes with no cause.
     minor:
         Effects that are significant and explain too little of what is left to be named.
     """
@@ -89,6 +92,7 @@ class Case:
     likely: Fit | None = None
     given: Fit | None = None
     known: Dictionary | None = None
+    brief: bool = False
     minor: set[str] = field(default_factory=set)
 
     @property

@@ -91,7 +91,7 @@ def diagnose(model: Model) -> Diagnosis:
 
 
 def leave(model: Model) -> Left:
-    """Return what a diagnosis of a model leaves, without the diagnosis.
+    """Return what a diagnosis of a model leaves, without the diagnosis (`Case.brief`).
 
     Raises
     ------
@@ -99,10 +99,10 @@ def leave(model: Model) -> Left:
         As `diagnose`.
     """
     with one_blas_thread():
-        return left_of(*_explained(model))
+        return left_of(*_explained(model, brief=True))
 
 
-def _explained(model: Model) -> tuple[Case, Explanation, Integers]:
+def _explained(model: Model, *, brief: bool = False) -> tuple[Case, Explanation, Integers]:
     """Explain a model's readings: the case, the explanation, the readings set aside."""
     LOG.info(
         "%d readings, %d parameters that are always fitted, %d candidates",
@@ -110,9 +110,9 @@ def _explained(model: Model) -> tuple[Case, Explanation, Integers]:
         len(model.nuisance),
         len(model.effects),
     )
-    case, choice, sure = _ordinary(model)
+    case, choice, sure = _ordinary(model, brief)
     if choice is None or not sure:
-        about = case_of(model.near(always=True), dependent=True)
+        about = case_of(model.near(always=True), dependent=True, brief=brief)
         about, other = _settled(plain_fit(model), about, _choose(about))
         settled = _to_first_order(about, other[1].fit)
         if choice is None or (settled and _score(case, about, other) < _score(case, case, choice)):
@@ -156,7 +156,7 @@ def _with_correlation(case: Case, choice: Choice) -> tuple[Case, Choice]:
         whiten = case.model.correlated(found.nuisance, found.effects, used, noise)
         if whiten is None:
             return best
-        at = whitened(case.model, case.plain, case.grid, whiten)
+        at = whitened(case.model, case.plain, case.grid, whiten, brief=case.brief)
         before, choice = found.effects.keys(), _choose(at)
         # Without causes the plain model is compared with itself, by the same weights.
         causes = bool(choice[1].fit.effects) and not len(choice[2])
@@ -185,7 +185,7 @@ def _with_scatter(case: Case, choice: Choice) -> tuple[Case, Choice]:
             quiet = min(scatter.sizes.values()) * float(np.sqrt(f.rss / max(f.dof, 1)))
             if case.grid is not None and case.grid.matters(quiet):
                 break
-            at = whitened(case.model, case.plain, case.grid, scatter)
+            at = whitened(case.model, case.plain, case.grid, scatter, brief=case.brief)
             at.given, at.known = case.given, vars(case).get("dictionary")
             found = _choose(at)
             score = _likelihood(at, found)
@@ -209,7 +209,7 @@ def _likelihood(case: Case, choice: Choice) -> float:
     return score + out.outlier_penalty(n) * _choices(case, bad) + price(case, used)
 
 
-def _ordinary(model: Model) -> tuple[Case, Choice | None, bool]:
+def _ordinary(model: Model, brief: bool) -> tuple[Case, Choice | None, bool]:
     """Explain about the set-up's own values; no choice where that does not do, and whether it does.
 
     It does not where residuals are no stationary noise; where the noise was estimated beside
@@ -217,7 +217,7 @@ def _ordinary(model: Model) -> tuple[Case, Choice | None, bool]:
     causes, all simulated together, are not what was fitted, or not all. Where it is not all, a fit
     near the data may hold it all.
     """
-    case = case_of(model)
+    case = case_of(model, brief=brief)
     if case.dependent:
         return case, None, False
     choice = _choose(case)
@@ -230,7 +230,7 @@ def _ordinary(model: Model) -> tuple[Case, Choice | None, bool]:
     # What sums of chords are not may order sets otherwise, or be what is left.
     if _is_linear(case, found.fit) or (about := model.near(always=True)) is model:
         return case, choice, True
-    again = case_of(about)
+    again = case_of(about, brief=brief)
     other = _choose(again)
     if _score(case, again, other) > _score(case, case, choice):
         return case, choice, False
@@ -272,7 +272,8 @@ def _settled(given: Fit, case: Case, choice: Choice) -> tuple[Case, Choice]:
         found = choice[1].fit
         if _to_first_order(case, found) and case.model.inside <= found.effects.keys():
             break
-        case = case_of(case.model.about(found.nuisance, found.effects), dependent=True)
+        at = case.model.about(found.nuisance, found.effects)
+        case = case_of(at, dependent=True, brief=case.brief)
         choice = _choose(case)
     case.given = given
     return case, choice
@@ -345,7 +346,7 @@ def _with_noise_of(case: Case, choice: Choice) -> Case | None:
     whiten = white_beside(grid, noise)
     if whiten is identity and case.whiten is identity and not grid.matters(noise):
         return None
-    again = whitened(case.model, case.plain, grid, whiten)
+    again = whitened(case.model, case.plain, grid, whiten, brief=case.brief)
     again.found, again.likely = found, _without_the_weakest(case, found, choice[2])
     again.given = case.given
     return again

@@ -11,6 +11,7 @@ from trunnion.diagnosis.alarms import CAUSE_LEVEL, Alarm, scatter
 from trunnion.diagnosis.candidates import NAMING_LEVEL, Candidates
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Effect
+from trunnion.diagnosis.evidence import TO_WEIGH
 from trunnion.diagnosis.explanation import Explanation, Sets
 from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.in_steps import by_probability, chance_as_read
@@ -164,14 +165,15 @@ def _explained(case: Case) -> Explanation:
     elif not case.exact(extended) and not case.rounds_to_readings(extended):
         unexplained = alarm_scan.p < SCAN_LEVEL and alarm_scan.holds(SCAN_LEVEL)
         picked = []
-        if unexplained or stands_for_causes(case, best):
+        if unexplained or (not case.brief and stands_for_causes(case, best)):
             picked = promising(case, (extended, plain))
             sums = sums_of_causes(case, picked, best)
             picked = [i for i in picked if i not in sums]
             if not unexplained:
                 have_names = with_a_name(case, picked)
                 picked = [i for i in picked if i not in have_names]
-        weighed = (unexplained or demanded) and not chances.search.more
+        asked = unexplained or (demanded and not case.brief)
+        weighed = asked and not chances.search.more
         smooth = processes(case, best) if weighed else []
         if unexplained or picked or smooth:
             chances, tried, terms, extended = _with_structure(case, picked, chances.search, smooth)
@@ -237,7 +239,7 @@ def _demanded(case: Case) -> tuple[Probabilities, Fit, Alarm]:
     while True:
         alarm = Alarm.of_causes(case)
         searched = by_probability(case, first)
-        chances = Probabilities(searched, candidates)
+        chances = Probabilities(searched, candidates, reach=_reach(case))
         demanded = (not searched.more and searched.top.score < searched.nothing.score - WITHIN) or (
             alarm.p < level and alarm.holds(level)
         )
@@ -254,6 +256,11 @@ def _demanded(case: Case) -> tuple[Probabilities, Fit, Alarm]:
             return chances, extended, alarm
         candidates.ban(bad)
         first = first.without(bad)
+
+
+def _reach(case: Case) -> float:
+    """How far above the best score sets are weighed: where no probability is asked for, not far."""
+    return WITHIN if case.brief else TO_WEIGH
 
 
 def _undetermined(case: Case, f: Fit, searched: Search) -> set[int]:
@@ -419,7 +426,7 @@ def _with_structure(
         )
         searched = search(both, plain.white, floor=case.floor, after=first)
         searched = by_probability(case, searched, tuple(picked))
-    chances = Probabilities(searched, c, processes=smooth)
+    chances = Probabilities(searched, c, processes=smooth, reach=_reach(case))
     likeliest = chances.likeliest or [chances.search.nothing]
     plainly = [f for f in likeliest if not _has_structure(c, f)]
     top = plainly[0] if plainly and chances.unnamed < UNNAMED else likeliest[0]

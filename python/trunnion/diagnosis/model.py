@@ -212,6 +212,8 @@ class Model:
         Parameters that are always fitted, p of them.
     effects:
         Candidate causes, bound to the data.
+    known_noise:
+        What makes the noise white, where no fit need say it, nor the steps (``grid``); else None.
     inside:
         Those that are linearised at a size, not where they vanish (:meth:`near`).
     tool_sense:
@@ -223,6 +225,7 @@ class Model:
     readings: Readings
     nuisance: tuple[Nuisance, ...]
     effects: tuple[Effect, ...]
+    known_noise: Whiten | None = None
     inside: frozenset[str] = frozenset()
     tool_sense: float = 1.0
 
@@ -315,10 +318,7 @@ class Model:
         return RANK_TOLERANCE
 
     def shared(self, effect: Effect) -> tuple[str, float] | None:
-        """Under which id other measurements of the machine know an effect, and its sign there.
-
-        None: it is this measurement's own.
-        """
+        """Id by which measurements of the machine share an effect, its sign; None: they do not."""
         return (effect.id, 1.0) if effect.owner is Owner.MACHINE else None
 
     def instrument_size(self, effect: Effect) -> float | None:  # noqa: ARG002
@@ -399,7 +399,7 @@ class Model:
 
         Built from the residuals of the plain model. It must not mix readings of different groups.
         """
-        return identity
+        return self.known_noise or identity
 
     def dependent(self, residuals: Floats) -> Callable[[Floats], Floats]:
         """Whitener of residuals that are no stationary noise (:mod:`.dependence`)."""

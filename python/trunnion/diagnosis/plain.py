@@ -20,10 +20,10 @@ def plain_fit(model: Model) -> Fit:
     return fit(model, np.arange(len(model.readings)), (), start, {}, identity)
 
 
-def case_of(model: Model, *, dependent: bool = False) -> Case:
+def case_of(model: Model, *, dependent: bool = False, brief: bool = False) -> Case:
     """Fit the model without effects, and linearise the candidates there.
 
-    ``dependent``: whether to take no residuals for stationary noise.
+    ``dependent``: whether to take no residuals for stationary noise; ``brief``: as of a case.
     """
     n, p = len(model.readings), len(model.nuisance)
     if not np.all(np.isfinite(model.readings.values)):
@@ -36,26 +36,31 @@ def case_of(model: Model, *, dependent: bool = False) -> Case:
         check_own(effect, n)
     if n <= p:
         raise DataError(f"readings: got {n} for {p} unknowns, expected more than unknowns")
+    if (known := model.known_noise) is not None:
+        return whitened(model, None, model.grid, known, brief=brief)
     plain = plain_fit(model)
     grid = grid_of(model, plain.residuals, plain.dof, plain.jacobian)
     whiten = (model.dependent if dependent else model.whitener)(plain.residuals)
     if grid is not None and whiten is identity:
         whiten = white_beside(grid, grid.noise(plain.residuals, plain.dof, plain.jacobian))
-    return whitened(model, plain, grid, whiten)
+    return whitened(model, plain, grid, whiten, brief=brief)
 
 
-def whitened(model: Model, plain: Fit, grid: Grid | None, whiten: Whiten) -> Case:
-    """Case of all readings; ``plain``: a fit to start from."""
+def whitened(
+    model: Model, plain: Fit | None, grid: Grid | None, whiten: Whiten, *, brief: bool = False
+) -> Case:
+    """Case of all readings; ``plain``: a fit of readings as they are to start from, if there is."""
     rows = np.arange(len(model.readings))
-    if whiten is not identity:
-        plain = fit(model, rows, (), plain.nuisance, {}, whiten)
+    if plain is None or whiten is not identity:
+        start = model.start if plain is None else plain.nuisance
+        plain = fit(model, rows, (), np.asarray(start, dtype=np.float64), {}, whiten)
     floor = _floor(model, grid, whiten)
     dependent = isinstance(whiten, Whitener) and whiten.dependent
     if dependent or (isinstance(whiten, Whiteners) and whiten.known):
         # Whitened readings have a variance of 1; dependent ones count as fewer than they are.
         floor = Floor(max(floor.variance, 1.0))
     linearised = Linearised(model, plain.nuisance, whiten, model.places)
-    return Case(model, rows, whiten, plain, linearised, floor, grid)
+    return Case(model, rows, whiten, plain, linearised, floor, grid, brief=brief)
 
 
 def _floor(model: Model, grid: Grid | None, whiten: Whiten) -> Floor:

@@ -87,10 +87,21 @@ class JointModel(Model):
         ends = np.cumsum([0, *(len(p.model.readings) for p in parts)])
         self._at = [slice(int(a), int(b)) for a, b in pairwise(ends)]
         self.readings = joined_readings(self.parts)
+        self.known_noise = self._noise()
         self._join_nuisance()
         self._join_effects()
 
     # --- what is joined
+
+    def _noise(self) -> Whiteners:
+        """Each part by the noise that its own diagnosis found.
+
+        Exact readings beside others leave nothing: all of them together do not say what noise is.
+        """
+        exact = [part.exact for part in self.parts]
+        own = tuple(zip(self._at, (part.whiten for part in self.parts), strict=True))
+        apart = tuple(at for at, p in zip(self._at, self.parts, strict=True) if p.more_than_noise)
+        return Whiteners(own, known=any(exact) and not all(exact), apart=apart)
 
     def _join_nuisance(self) -> None:
         joined: dict[str, Nuisance] = {}
@@ -402,16 +413,6 @@ class JointModel(Model):
                 if known is None or not np.array_equal(known[0], at):
                     known = self._plain[i] = at, part.model.jacobian(at, {})
                 yield self._at[i], known[1][:, self._position(i, change.error)]
-
-    def whitener(self, residuals: Floats) -> Whiten:  # noqa: ARG002
-        """Each part by the noise that its own diagnosis found.
-
-        Exact readings beside others leave nothing: all of them together do not say what noise is.
-        """
-        exact = [part.exact for part in self.parts]
-        own = tuple(zip(self._at, (part.whiten for part in self.parts), strict=True))
-        apart = tuple(at for at, p in zip(self._at, self.parts, strict=True) if p.more_than_noise)
-        return Whiteners(own, known=any(exact) and not all(exact), apart=apart)
 
     # --- what the engine asks
 
