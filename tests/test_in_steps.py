@@ -1,11 +1,13 @@
 """Causes of less than a step: what readings say by where they change from one step to the next."""
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
 
 import trunnion as tn
+from promise import kept
 from trunnion.base.recognition import all_recognised
 from trunnion.base.rounded import gained, log_probability, rounds_to_all
 from trunnion.base.units import Floats
@@ -27,7 +29,7 @@ def leaving(column: Floats, always: Floats, rms: float) -> Floats:
     return column * (rms / float(np.sqrt(np.mean(free**2))))
 
 
-def rail(effect: str, noise: float, seed: int) -> tn.Diagnosis:
+def rail(effect: str, noise: float, seed: int) -> tn.Levels:
     """A level on 24 places of a rail that is bent or has a kink: slopes of a third of a step."""
     rng = np.random.default_rng([11, seed, round(100 * noise)])
     place = np.arange(24.0)
@@ -36,27 +38,25 @@ def rail(effect: str, noise: float, seed: int) -> tn.Diagnosis:
     size = np.hypot(noise, 1 / math.sqrt(12)) * math.sqrt(2)  # of two readings one is level
     slope = leaving(bent, np.ones((24, 1)), size * rng.choice([-1, 1])) + rng.uniform(-20, 20)
     across = np.full(24, rng.uniform(-20, 20))
-    return tn.diagnose(
-        tn.Levels(
-            position_mm=100.0 * place,
-            along_um_m=read(slope, noise, rng),
-            across_um_m=read(across, noise, rng),
-        )
+    return tn.Levels(
+        position_mm=100.0 * place,
+        along_um_m=read(slope, noise, rng),
+        across_um_m=read(across, noise, rng),
     )
 
 
 @pytest.mark.parametrize("effect", ["bow", "kink"])
 def test_a_kink_that_a_bow_rounds_to_may_be_either(effect: str) -> None:
-    """Found were 5 of 24 kinks, and 18 wrong without a doubt."""
-    found, wrong = 0, 0
-    for noise in NOISES:
-        for seed in range(RUNS):
-            d = rail(effect, noise, seed)
-            right = frozenset({effect}) in d.alternatives
-            found += right
-            wrong += d.verdict == "explained" and not right
-    assert found >= 22
-    assert wrong <= 1
+    """Of 120 other kinks 7 were a bow without a doubt, now 5: readings change to and fro there."""
+    named, not_wrong, runs = 0, 0, 86
+    for noise, seed in product(NOISES, range(runs)):
+        levels = rail(effect, noise, seed)
+        d = tn.diagnose(levels)
+        right = frozenset({effect}) in d.alternatives
+        named += right or bool(np.ptp(levels["along_um_m"]) == 0.0)
+        not_wrong += right or d.verdict != "explained"
+    assert kept(named, 2 * runs, 0.90)
+    assert kept(not_wrong, 2 * runs, 0.95)
 
 
 def axis(effect: str, noise: float, seed: int) -> tn.Diagnosis:

@@ -18,6 +18,9 @@ A term of structure is weighed as a cause is: of one among all terms, and of siz
 its sizes free, it would take the place of causes of the same columns that are large.
 
 Causes that are expected have their penalty instead: nothing is assumed of their sizes.
+
+Sets by which readings in steps are equally probable have equal odds: a bow of a rail rounds to what
+a kink does, and how wide the sizes are that do so says nothing of which of them is there.
 """
 
 from __future__ import annotations
@@ -81,6 +84,9 @@ class Evidence:
                 s.of_variants[blocks] = self._of_variants(blocks)
             out[mask] = value + s.of_variants[blocks]
             least = min(least, out[mask])
+        same = [mask for mask in s.alike if mask in out]
+        if same:  # all that parts them is what was assumed beforehand
+            out |= dict.fromkeys(same, float(np.mean([out[mask] for mask in same])))
         return out
 
     def _weigh(self, sets: Iterable[tuple[int, ...]]) -> None:

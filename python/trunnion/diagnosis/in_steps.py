@@ -8,7 +8,8 @@ readings by less than a step may be seen by where they change from one step to t
 the best, each cause alone and none are therefore scored anew, by the probability of the readings
 (:func:`trunnion.base.rounded.log_probability`) in place of the sum of squares. What noise gains by
 a cause is gained here too, and what rounding alone would gain is not: it costs no more. Causes of
-different prices that round to the same readings are all named: none of them can gain more.
+different prices that round to the same readings are all named, at equal odds: none of them can gain
+more.
 """
 
 from dataclasses import replace
@@ -53,12 +54,13 @@ def by_probability(case: Case, searched: Search, picked: tuple[int, ...] = ()) -
         most = min(most, scores[blocks] + REACH)
     if not scores or (len(scores) == 1 and not searched.top.members):
         return searched
-    best = min(scores, key=scores.__getitem__)
+    best, alike = min(scores, key=scores.__getitem__), set[Blocks]()
     for blocks, score in scores.items():
         named = len(blocks) <= len(best) and score < scores[()] - searched.within
         if named and logs[blocks] > logs[best] - SAME:
             scores[blocks] = min(score, scores[best] + searched.within)
-    return searched.scored(scores)
+            alike.add(blocks)
+    return searched.scored(scores, alike)
 
 
 def chance_as_read(case: Case, searched: Search) -> float:

@@ -135,6 +135,8 @@ class Search:
         Blocks of each of these sets.
     more:
         What was added to scores of sums of squares where sets were scored otherwise, by masks.
+    alike:
+        Masks of sets by which what was read, in steps, is as probable.
     at_best, of_variants:
         What is known of the evidence of sets, by their blocks in order (:mod:`.evidence`).
     """
@@ -155,6 +157,7 @@ class Search:
         self.made: dict[int, tuple[int, ...]] = {0: ()}
         self.best = self.nothing.score
         self.more: Mapping[int, float] = {}
+        self.alike: Sequence[int] = ()
         self.at_best: dict[tuple[int, ...], float] = {}
         self.of_variants: dict[tuple[int, ...], float] = {}
 
@@ -271,11 +274,13 @@ class Search:
             least = min(least, self.known[mask].score)
         self.best = min(f.score for f in self.known.values())
 
-    def scored(self, scores: Mapping[tuple[int, ...], float]) -> "Search":
+    def scored(
+        self, scores: Mapping[tuple[int, ...], float], alike: Collection[tuple[int, ...]]
+    ) -> "Search":
         """Return the search with only these sets, each scored otherwise (lower is better).
 
         ``scores``: by blocks; what they count from is the same for all of them. The best score
-        stays as it is.
+        stays as it is. ``alike``: blocks of sets by which the readings are as probable.
         """
         new = copy(self)
         new.known, new.scores, new.made, new.more = {}, {}, {}, {}
@@ -296,6 +301,7 @@ class Search:
             new.scores[mask] = float(np.round(f.score + off, SCORE_DIGITS))
             new.known[mask] = replace(f, score=new.scores[mask])
         new.more = {mask: own + off for mask, own in more.items()}
+        new.alike = [mask for mask, blocks in new.made.items() if blocks in alike]
         new.nothing = new.known[0]
         return new
 
