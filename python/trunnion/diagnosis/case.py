@@ -402,6 +402,11 @@ class Case:
         used[self.rows] = 1.0
         return used
 
+    @property
+    def searched_for(self) -> Dictionary | None:
+        """The dictionary, if structure was looked for."""
+        return vars(self).get("dictionary")
+
     @cached_property
     def dictionary(self) -> Dictionary:
         """Structure without a name, whitened."""

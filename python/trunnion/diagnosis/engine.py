@@ -186,7 +186,7 @@ def _with_scatter(case: Case, choice: Choice) -> tuple[Case, Choice]:
             if case.grid is not None and case.grid.matters(quiet):
                 break
             at = whitened(case.model, case.plain, case.grid, scatter, brief=case.brief)
-            at.given, at.known = case.given, vars(case).get("dictionary")
+            at.given, at.known = case.given, case.searched_for
             found = _choose(at)
             score = _likelihood(at, found)
             # No reading is set aside that a scatter explains about as well.

@@ -73,7 +73,7 @@ def left_of(case: Case, e: Explanation, dropped: Integers) -> Left:
         said,
         case.linearised,
         None if len(dropped) else case.whiten,
-        vars(case).get("dictionary"),
+        case.searched_for,
         exact=e.assumed > 0 or kept.exact(f),
         assumed=e.assumed,
     )
