@@ -167,6 +167,39 @@ def test_places_are_those_of_an_integral_over_all(noise: float, repeats: int) ->
         np.testing.assert_allclose(std, of_grid, rtol=0.25)
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.004, 0.03])
+def test_places_of_dithered_readings_are_those_of_weighted_draws(noise: float) -> None:
+    """400 readings, six parameters: standard errors over all places and noises, of 8 machines.
+
+    Drawn from a normal distribution that is a little wider, each draw counts by the probability of
+    the readings over that with which it was drawn. Noises down to a 2,500th of a step are equally
+    probable in their logarithm.
+    """
+    noises = np.geomspace(4e-4, 0.5, 17)
+    ratios = []
+    for seed in range(8):
+        rng = np.random.default_rng([31, seed])
+        jacobian = rng.standard_normal((400, 6))
+        true = jacobian @ rng.uniform(-5, 5, 6)
+        read = np.round(true + noise * rng.standard_normal(400))
+        fitted = jacobian @ np.linalg.lstsq(jacobian, read, rcond=None)[0]
+        covariance = np.linalg.inv(jacobian.T @ jacobian) / 12
+        one = np.ones(400)
+        place = place_of(read - fitted, jacobian, covariance, one, one, None)
+        wider = 1.44 * place.covariance
+        drawn = rng.multivariate_normal(place.at, wider, 1000)
+        density = stats.multivariate_normal(place.at, wider).logpdf(drawn)
+        off = np.abs(read - fitted - drawn @ place.off.T)
+        near = [stats.norm.sf((off - 0.5) / s) - stats.norm.sf((off + 0.5) / s) for s in noises]
+        with np.errstate(divide="ignore"):
+            log = np.array([np.log(p).sum(axis=1) - density for p in near])
+        weight = np.exp(log - log.max())
+        mean = np.tensordot(weight.sum(axis=0), drawn, 1) / weight.sum()
+        each = np.sqrt(weight.sum(axis=0) @ (drawn - mean) ** 2 / weight.sum())
+        ratios.append(np.sqrt(np.diag(place.covariance)) / each)
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.04)
+
+
 @pytest.mark.parametrize("read", ["no", "yes"])
 def test_errors_in_the_middle_of_all_machines_are_less_than_those_of_least_squares(
     read: str,
