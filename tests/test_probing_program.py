@@ -56,6 +56,31 @@ def test_the_interpreter_makes_the_moves_of_the_cycle(
 
 
 @needs_rs274
+@pytest.mark.parametrize("options", [{}, {"corrected": True}, {"tcp": True}])
+def test_the_interpreter_takes_what_the_header_quotes(
+    options: dict[str, bool], tmp_path: Path
+) -> None:
+    """A spindle is in brackets in the code of a chain; lines of the user's may have comments."""
+    control = tn.ControlSetup(
+        tcp_on="M428 (on)",
+        tcp_off="M429 (off)",
+        corrected_on="M430 (corrected; " + 150 * "x" + ")",
+        probe_on="M64 P1 (on)",
+        before_turn="M64 P2 (unclamp)",
+    )
+    setup = tn.Setup(
+        artefact=tn.Artefact("cuboid"),
+        machine=tn.Machine(chain="[w C' A' b X Y Z (C1) t]"),
+        control=control,
+    )
+    plan = tn.plan(setup)
+    text = tn.probing_program(plan, setup, **options).text()
+    # The M-codes of the kinematics are the INI file's, which is not here.
+    moves = interpret(re.sub(r"(?m)^( *)M4[23]\d \(", r"\1(", text), tmp_path)
+    assert sum(move.kind == "probe" for move in moves) > len(plan)
+
+
+@needs_rs274
 def test_a_dry_run_makes_no_approach(tmp_path: Path) -> None:
     plan, setup = plan_of("paper")
     starts = plan.start_mm

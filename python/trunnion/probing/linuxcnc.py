@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from trunnion.probing.cycle import BACK_OFF_DEG, CHECK_DEG, CHECK_MM, SHORTEST_PROBE_MM, Cycle
-from trunnion.probing.linuxcnc_lines import end, n, own, protected, stop_if
+from trunnion.probing.linuxcnc_lines import comment, end, n, own, protected, stop_if
 from trunnion.probing.linuxcnc_state import (
     TCP_IS_ON,
     frame_names,
@@ -30,32 +30,37 @@ def program_text(cycle: Cycle) -> str:
 
 
 def _header(cycle: Cycle) -> Iterator[str]:
+    yield from (comment(said) for said in _said(cycle))
+
+
+def _said(cycle: Cycle) -> Iterator[str]:
+    """What the header says, a comment each."""
     setup, control = cycle.setup, cycle.setup.control
-    yield f"(trunnion: {len(cycle.steps)} touches of plan {cycle.name}, hash {cycle.plan_hash})"
+    yield f"trunnion: {len(cycle.steps)} touches of plan {cycle.name}, hash {cycle.plan_hash}"
     yield (
-        f"(machine {setup.machine.name}, {setup.artefact.kind}, ball radius"
-        f" {n(setup.probe.ball_radius_mm)} mm, clearance {n(setup.plan.clearance_mm)} mm)"
+        f"machine {setup.machine.name}, {setup.artefact.kind}, ball radius"
+        f" {n(setup.probe.ball_radius_mm)} mm, clearance {n(setup.plan.clearance_mm)} mm"
     )
-    yield f"(origin, {control.wcs}: centre of the table top, on the axis of the table)"
+    yield f"origin, {control.wcs}: centre of the table top, on the axis of the table"
     if control.centre_mm is not None:
         x, y, z = (n(v) for v in control.centre_mm)
-        yield f"(in machine coordinates X{x} Y{y} Z{z}, to {n(control.centre_tolerance_mm)} mm)"
-    yield "(tool length: to the CENTRE of the ball, not to its tip)"
+        yield f"in machine coordinates X{x} Y{y} Z{z}, to {n(control.centre_tolerance_mm)} mm"
+    yield "tool length: to the CENTRE of the ball, not to its tip"
     kinematics = "identity kinematics, no TCP or trunnion kinematics"
     if cycle.frame == "corrected":
         kinematics = f"machine coordinates with corrections: {cycle.mode}"
     elif cycle.frame == "table":
         on = cycle.setup.control.tcp_on
         kinematics = f"TCP on for the approaches alone: {on}, {cycle.mode}"
-    yield f"(state of the control: homed, {kinematics},)"
-    yield "(no G92, no rotation of the work offset, spindle at rest)"
-    yield "(rotary axes count on behind a turn: no WRAPPED_ROTARY)"
+    yield f"state of the control: homed, {kinematics},"
+    yield "no G92, no rotation of the work offset, spindle at rest"
+    yield "rotary axes count on behind a turn: no WRAPPED_ROTARY"
     ranges = ", ".join(f"{x} {n(low)} to {n(high)}" for x, (low, high) in cycle.ranges().items())
-    yield f"(ranges in {control.wcs}: {ranges})"
-    fast = fast_approaches([step.feed for step in cycle.steps], setup)
-    yield from (f"({said})" for said in (*assumptions(setup), *fast))
-    yield f"(time: about {cycle.times()[1] / 60:.1f} min without pauses)"
-    yield f"(log: {cycle.log})"
+    yield f"ranges in {control.wcs}: {ranges}"
+    yield from assumptions(setup)
+    yield from fast_approaches([step.feed for step in cycle.steps], setup)
+    yield f"time: about {cycle.times()[1] / 60:.1f} min without pauses"
+    yield f"log: {cycle.log}"
 
 
 def _settings(cycle: Cycle) -> Iterator[str]:

@@ -6,11 +6,20 @@ from collections.abc import Iterator
 
 from trunnion.probing.cycle import SHORTEST_PROBE_MM
 
+LONGEST_COMMENT = 240
+"""LinuxCNC takes lines of at most 255 characters."""
+_NO_ROUND = str.maketrans("()", "[]")
+
 
 def n(value: float) -> str:
     """Return a number as programs write it."""
     text = f"{value + 0.0:.4f}".rstrip("0").rstrip(".")
     return "0" if text == "-0" else text
+
+
+def comment(text: str) -> str:
+    """Return a comment of a header; one in another, or a line too long, LinuxCNC refuses."""
+    return f"({text.translate(_NO_ROUND)[:LONGEST_COMMENT]})"
 
 
 def stop_if(label: int, condition: str, message: str) -> Iterator[str]:
