@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -58,7 +59,7 @@ def test_the_interpreter_makes_the_moves_of_the_cycle(
 @needs_rs274
 @pytest.mark.parametrize("options", [{}, {"corrected": True}, {"tcp": True}])
 def test_the_interpreter_takes_what_the_header_quotes(
-    options: dict[str, bool], tmp_path: Path
+    options: dict[str, Any], tmp_path: Path
 ) -> None:
     """A spindle is in brackets in the code of a chain; lines of the user's may have comments."""
     control = tn.ControlSetup(
