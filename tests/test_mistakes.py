@@ -332,6 +332,22 @@ def test_errors_in_mm_and_places_off_by_more_than_1_mm_are_named() -> None:
         assert "EX0C is +1500 µm from the set-up" in method(far, SETUP).notes[0]
 
 
+def test_a_rotary_axis_far_from_its_zero_is_named() -> None:
+    """A work offset with half a degree of A: residuals are perfect, EA0A holds it."""
+    data = measured(SETUP)
+    shifted = tn.simulate(PLAN, SETUP, errors={"EA0A": 1800.0}, noise_um=0.3, seed=1)
+    for method in METHODS:
+        notes = method(shifted, SETUP).notes
+        assert any("a work offset that shifts A" in note for note in notes)
+        assert not any("work offset" in note for note in method(data, SETUP).notes)
+
+
+def test_known_errors_larger_than_any_machine_has_are_asked_about_when_a_plan_is_made() -> None:
+    known = replace(SETUP, machine=tn.Machine(errors={"EX0C": 25_400.0}))
+    with pytest.warns(UserWarning, match=r"EX0C = 25400: more than 2 mm.*1000 times too large"):
+        tn.plan(known)
+
+
 def test_no_cause_of_the_catalogue_is_taken_for_a_mistake() -> None:
     """Residuals of many times a probe's scatter, from causes that the machine may have."""
     rng = np.random.default_rng(7)

@@ -17,6 +17,9 @@ TINY_ARCSEC = (1e-7, 0.1)
 LARGE_UM = 1000.0
 """Beyond this a location error is a length that the set-up states wrongly."""
 
+LARGE_ARCSEC = 900.0
+"""Beyond this an angular error is a zero or a direction that is not the one meant."""
+
 PLAUSIBLE = {"µm": 2000.0, "arcsec": 3600.0}
 """Beyond these no location error is left on a machine: the set-up is of another one."""
 

@@ -21,7 +21,7 @@ from trunnion.data.meant import some_rows
 from trunnion.data.mistaken import FACTORS_MM, factors, of_number
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
-from trunnion.machine.sizes import LARGE_UM, SURE_SIGMAS, TINY_UM, in_other_units
+from trunnion.machine.sizes import LARGE_ARCSEC, LARGE_UM, SURE_SIGMAS, TINY_UM, in_other_units
 from trunnion.probing.model import (
     TouchModel,
     rounding_um,
@@ -165,12 +165,29 @@ def _by_size(result: IdentificationResult, setup: Setup) -> list[str]:
                 f"{name} is {height:+.0f} µm from the set-up, more than 1 mm: are the places of "
                 f"the axes and of the artefact there (point_mm, place_mm){tool} right, and in mm?"
             )
+    said += _turned(result, setup)
     largest = max(sure, key=lambda name: abs(sure[name]), default=None)
     if largest is not None and TINY_UM[0] < abs(sure[largest]) < TINY_UM[1]:
         said.append(
             f"The largest position error is {largest} = {sure[largest]:.2g} µm: if the data are "
             "simulated, were the errors given in mm? They are expected in µm."
         )
+    return said
+
+
+def _turned(result: IdentificationResult, setup: Setup) -> list[str]:
+    """Name angular errors that no machine has whose axes are at their zeros."""
+    said = []
+    for name, value in result.errors.items():
+        turn = value - setup.machine.errors.get(name, 0.0)
+        sure = abs(turn) > SURE_SIGMAS * result.std_errors.get(name, np.inf)
+        if name[1] in "ABC" and sure and abs(turn) > LARGE_ARCSEC:
+            axis = name[1]
+            shift = f"a work offset that shifts {axis}, " if name[3] == axis else ""
+            said.append(
+                f"{name} is {turn:+.0f} arcsec from the set-up, more than "
+                f"{LARGE_ARCSEC / 3600:g}°: {shift}homing, or another direction of the axis?"
+            )
     return said
 
 

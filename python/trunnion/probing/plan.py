@@ -12,7 +12,7 @@ from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
-from trunnion.machine.sizes import in_other_units
+from trunnion.machine.sizes import size_doubt
 from trunnion.probing.steps import arrangement, cycle_of
 from trunnion.setup import Setup
 
@@ -106,7 +106,7 @@ def plan(
     [0.0, 90.0, 180.0, 270.0]
     """
     chain = Chain(setup)
-    if doubt := in_other_units(setup.machine.errors):
+    if doubt := size_doubt(setup.machine.errors, {}):
         warnings.warn(f"plan, [machine.errors]: got {doubt}", UserWarning, stacklevel=3)
     given = {"A": a_deg, "B": b_deg, "C": c_deg}
     for letter, angles in given.items():
