@@ -1,8 +1,11 @@
 """Places of candidates between those of their grids."""
 
 import numpy as np
+import pytest
 
+from trunnion.base.units import Floats
 from trunnion.diagnosis.candidates import Candidates
+from trunnion.diagnosis.grid import best_place
 
 
 def test_candidates_with_a_place_more_are_those_made_with_it() -> None:
@@ -27,3 +30,18 @@ def test_candidates_with_a_place_more_are_those_made_with_it() -> None:
     for block in range(len(whole.owner)):
         own = found.columns(block).T @ found.columns(block)
         np.testing.assert_allclose(own, whole.columns(block).T @ whole.columns(block), atol=1e-12)
+
+
+@pytest.mark.parametrize("ratio", [1.2, 2.0, 4.0])
+def test_the_best_place_is_found_between_those_of_a_grid(ratio: float) -> None:
+    """Of a warm-up without noise it is its own time constant: no other column is parallel to it."""
+    minutes, rng = np.linspace(0.0, 90.0, 200), np.random.default_rng(5)
+    grid = 3.0 * ratio ** np.arange(np.ceil(np.log(40.0) / np.log(ratio)) + 1)
+    for place in rng.uniform(3.0, 120.0, 20):
+        shown = 1.0 - np.exp(-minutes / place)
+
+        def gains(places: Floats, shown: Floats = shown) -> Floats:
+            x = 1.0 - np.exp(-minutes / places[:, None])
+            return np.asarray((x @ shown) ** 2 / np.sum(x**2, axis=1))
+
+        assert best_place(gains, grid.tolist()) == pytest.approx(place, rel=1e-6)

@@ -389,11 +389,17 @@ def _zoom(problem: _Problem, at: _Point) -> None:
     """
     model, effects, values = problem.model, problem.effects, at.values
     y = problem.used(model.readings.values - model.predict(at.nuisance, {}))
-    linear = {e.id: linear_of(e, len(y)) for e in effects}
+    for e in effects:
+        for p in e.parameters:
+            if p.linear:
+                values[e.id][p.name] = 0.0
+
+    def several(e: Effect, trials: Sequence[Values]) -> Array:
+        white = model.white_columns(at.nuisance, e, trials, problem.whiten)
+        return white if problem.all_used else white[:, problem.rows]
 
     def columns(e: Effect) -> Array:
-        trial = Values({p.name: 0.0 if p.linear else values[e.id][p.name] for p in e.parameters})
-        return problem.used(model.effect_jacobian(at.nuisance, e, trial)[:, linear[e.id]])
+        return np.asarray(several(e, [values[e.id]])[0])
 
     base = problem.used(model.jacobian(at.nuisance, {}))
     if not (problem.every and len(base) >= MANY_ROWS):
@@ -407,17 +413,12 @@ def _zoom(problem: _Problem, at: _Point) -> None:
             if p.linear:
                 continue
 
-            def made(trial: float, e: Effect = e, name: str = p.name) -> Array:
-                values[e.id][name] = trial
-                return columns(e)
+            def made(trials: Array, e: Effect = e, name: str = p.name) -> Array:
+                return several(e, [Values({**values[e.id], name: t}) for t in trials.tolist()])
 
             gains = partial(gains_at, made, basis=q, residual=residual)
             _zoom_one(p.name, np.asarray(p.grid), values[e.id], gains)
         others.set(e)
-    for e in effects:
-        for p in e.parameters:
-            if p.linear:
-                values[e.id][p.name] = 0.0
 
 
 class _Others:

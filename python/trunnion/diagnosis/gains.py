@@ -4,26 +4,24 @@ from collections.abc import Callable
 
 import numpy as np
 
-from trunnion.base.statistics import MANY_ROWS, RANK_TOLERANCE, Spanned
+from trunnion.base.statistics import RANK_TOLERANCE, Spanned
 from trunnion.base.units import Floats as Array
 
 GONE = 1e-12  # of a squared column, what rounding leaves of it
-TRIALS_AT_ONCE = 16  # of many readings
+TRIALS_AT_ONCE = 16
 
 
 def gains_at(
-    columns: Callable[[float], Array], trials: Array, basis: Array | Spanned, residual: Array
+    columns: Callable[[Array], Array], trials: Array, basis: Array | Spanned, residual: Array
 ) -> Array:
-    """Return :func:`gains_beside` of columns (n, k) at several values, shape (v,).
+    """Return :func:`gains_beside` of columns at several values, shape (v,), some at once.
 
-    Of many readings several at once, for which the basis is read once.
+    ``columns``: those at some of the values, (v, n, k).
     """
     out = np.zeros(len(trials))
-    at_once = 1 if len(residual) < MANY_ROWS else TRIALS_AT_ONCE
-    for first in range(0, len(trials), at_once):
-        some = slice(first, first + at_once)
-        rows = [columns(trial).T for trial in trials[some].tolist()]
-        out[some] = gains_beside(np.stack(rows).transpose(0, 2, 1), basis, residual)
+    for first in range(0, len(trials), TRIALS_AT_ONCE):
+        some = slice(first, first + TRIALS_AT_ONCE)
+        out[some] = gains_beside(columns(trials[some]), basis, residual)
     return out
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from scipy import optimize
 
 from trunnion.base.units import Floats
 
 MAX_CELLS = 8
+POINTS = 9  # that are tried at once, between the neighbours of the best of the last ones
+CLOSE = 1e-3  # of the value, points of which three show the peak
 
 
 def best_place(gains: Callable[[Floats], Floats], grid: Sequence[float]) -> float:
@@ -39,11 +40,20 @@ def best_place(gains: Callable[[Floats], Floats], grid: Sequence[float]) -> floa
         best = between[int(np.argmax(further))]
     cell = int(np.clip(np.searchsorted(points, best), 1, len(points) - 1))
     width = 0.3 * float(np.log(points[cell] / points[cell - 1]))
-    low, high = best * np.exp(-width), best * np.exp(width)
-    found = optimize.minimize_scalar(
-        lambda log: -float(gains(np.exp([log]))[0]),
-        bounds=(float(np.log(low)), float(np.log(high))),
-        method="bounded",
-        options={"xatol": 1e-5},
-    )
-    return float(np.exp(found.x))
+    middle = float(np.log(best))
+    return float(np.exp(_peak(lambda logs: gains(np.exp(logs)), middle - width, middle + width)))
+
+
+def _peak(gains: Callable[[Floats], Floats], low: float, high: float) -> float:
+    """Return where a gain with one peak is largest: points closer and closer, then a parabola."""
+    while True:
+        points = np.linspace(low, high, POINTS)
+        found = gains(points)
+        middle = int(np.clip(np.argmax(found), 1, POINTS - 2))
+        low, at, high = points[middle - 1 : middle + 2].tolist()
+        if high - at <= CLOSE:
+            break
+    before, top, after = found[middle - 1 : middle + 2].tolist()
+    curved = 2.0 * top - before - after
+    off = (after - before) / (2.0 * curved) if curved > 0.0 else 0.0
+    return float(at + np.clip(off, -1.0, 1.0) * (high - at))

@@ -46,9 +46,10 @@ def moment_errors(case: Case, effect: Effect, f: Fit, variance: float) -> dict[s
     def gains(name: str, trials: Floats) -> Floats:
         """Drop of RSS / variance by the effect with each of these values, (t,)."""
 
-        def columns(trial: float) -> Floats:
-            at = Values({**fitted, name: trial})
-            return case.white(case.model.effect_jacobian(f.nuisance, effect, at)[:, linear])
+        def columns(some: Floats) -> Floats:
+            every = (Values({**fitted, name: trial}) for trial in some.tolist())
+            rates = (case.model.effect_jacobian(f.nuisance, effect, at) for at in every)
+            return np.stack([case.white(x[:, linear]).T for x in rates]).transpose(0, 2, 1)
 
         return gains_at(columns, trials, basis, y) / variance
 

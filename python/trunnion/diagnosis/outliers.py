@@ -43,12 +43,12 @@ def robust_sizes(basis: Floats, values: Floats, floor: float = 0.0) -> Floats:
     reading was used, more where it was not. ``basis``: orthonormal; ``floor``: least scale.
     """
     n, p = basis.shape
-    r = _moments(basis, values, np.ones(n))[2]
+    r = _left(basis, values, np.ones(n))
     for _ in range(25):
         scale = max(np.median(np.abs(r)) / 0.6745, floor)
         if scale <= 0:
             break
-        r_new = _moments(basis, values, 1.0 / np.maximum(np.abs(r), 0.05 * scale))[2]
+        r_new = _left(basis, values, 1.0 / np.maximum(np.abs(r), 0.05 * scale))
         done = np.max(np.abs(r_new - r)) < 0.02 * scale
         r = r_new
         if done:
@@ -59,7 +59,7 @@ def robust_sizes(basis: Floats, values: Floats, floor: float = 0.0) -> Floats:
         if scale <= 0:
             return np.abs(r)
         u = r / (4.685 * scale)
-        r_new = _moments(basis, values, np.where(np.abs(u) < 1, (1 - u * u) ** 2, 1e-9))[2]
+        r_new = _left(basis, values, np.where(np.abs(u) < 1, (1 - u * u) ** 2, 1e-9))
         done = np.max(np.abs(r_new - r)) < 0.02 * scale
         r = r_new
         if done:
@@ -74,8 +74,18 @@ def snooped_sizes(basis: Floats, values: Floats, floor: float = 0.0) -> Floats:
     return _per_spread(basis, values, used)
 
 
-def _moments(basis: Floats, values: Floats, weights: Floats) -> tuple[Floats, Floats, Floats]:
-    """Normal equations of a weighted fit (p, p), (p,), and its residuals (n,)."""
+def _left(basis: Floats, values: Floats, weights: Floats) -> Floats:
+    """Residuals (n,) of a fit by weights above zero, which leave no direction of the basis out."""
+    gram, right = _moments(basis, values, weights)
+    try:
+        solution = np.linalg.solve(gram, right)
+    except np.linalg.LinAlgError:  # weights too far apart for the numbers
+        solution = np.linalg.lstsq(gram, right, rcond=None)[0]
+    return np.asarray(values - basis @ solution)
+
+
+def _moments(basis: Floats, values: Floats, weights: Floats) -> tuple[Floats, Floats]:
+    """Normal equations of a weighted fit (p, p), (p,)."""
     n, p = basis.shape
     gram, right = np.zeros((p, p)), np.zeros(p)
     for some in at_hand(n):
@@ -83,8 +93,7 @@ def _moments(basis: Floats, values: Floats, weights: Floats) -> tuple[Floats, Fl
         heavy = basis[some] * root[:, None]
         gram += heavy.T @ heavy  # symmetric: half of the work
         right += (values[some] * root) @ heavy
-    solution = np.linalg.lstsq(gram, right, rcond=None)[0]
-    return gram, right, np.asarray(values - basis @ solution)
+    return gram, right
 
 
 def _per_spread(basis: Floats, values: Floats, used: Flags) -> Floats:
@@ -92,7 +101,7 @@ def _per_spread(basis: Floats, values: Floats, used: Flags) -> Floats:
 
     A reading of which the others say nothing has none.
     """
-    gram, right, _ = _moments(basis, values, used.astype(np.float64))
+    gram, right = _moments(basis, values, used.astype(np.float64))
     share, along = np.linalg.eigh(gram)
     known = share > CHECKED
     seen = along[:, known] / np.sqrt(share[known])

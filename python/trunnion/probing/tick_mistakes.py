@@ -54,15 +54,15 @@ def _finer_than_stated(data: Touches, plain: TouchModel, moves: Moves, near: Flo
     """Say where readings scatter far less than the stated tick allows, and lie on no grid of it."""
     setup = plain.setup
     steps, rounding = steps_um(setup, data), rounding_um(setup, data)
-    fit = _late(data, plain, moves, near)
-    seen = np.inf if fit is None else float(np.sqrt(np.mean(fit.residuals_um**2)))
-    if seen > FAR_LESS * rounding:
-        return []
     off = np.asarray(plain.core.residuals(moves, plain.values()))
     if float(np.std(off)) < float(np.max(steps)):  # all may round alike
         return []
     coordinates = (1e3 * data.position_mm).T
     if any(on_grid(v / steps, 1.0) for v in (*recorded_um(data), *coordinates, off)):
+        return []
+    fit = _late(data, plain, moves, near)
+    seen = np.inf if fit is None else float(np.sqrt(np.mean(fit.residuals_um**2)))
+    if seen > FAR_LESS * rounding:
         return []
     tick = "servo_period_ms" if setup.probe.servo_period_ms else "tick_um"
     if not np.any(ticks_um(setup, data)):
