@@ -206,6 +206,20 @@ def test_a_log_in_whole_micrometres_is_recognised(*, starts: bool) -> None:
     assert np.abs(z).max() < 4.5
 
 
+def test_a_coarser_step_than_the_stated_tick_is_seen_in_few_values() -> None:
+    """One error, coordinates in whole 10 µm, a tick of 0.1 µm: EX0C was 459 standard errors off."""
+    fine = Setup(Artefact("cross"), probe=Probe(tick_um=0.1))
+    data = tn.simulate(tn.plan(fine), fine, {"EX0C": 15.0})
+    whole = dict(zip(("x_mm", "y_mm", "z_mm"), np.round(data.position_mm, 2).T, strict=True))
+    fit = tn.identify(data.with_columns(**whole), fine)
+    assert abs(fit["EX0C"] - 15.0) < 4 * fit.std_errors["EX0C"]
+
+
+def test_a_diagnosis_in_steps_stays_where_no_machine_is() -> None:
+    """A shift of 12 mm before the last touches, moved by half a second, was an error."""
+    assert ticks.run("paper", 0.1, "rounded", ticks.ANY, 100_753).verdict == "explained"
+
+
 def test_a_stated_resolution_is_not_late() -> None:
     """Rounded to the nearest step, touches have no half tick in EZ0A; a tick has."""
     shown = Setup(Artefact("cross"), probe=Probe(resolution_um=5.0))

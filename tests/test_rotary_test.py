@@ -205,6 +205,9 @@ def test_what_is_wrong_with_a_test_is_said() -> None:
         tn.identify_rotary_test(made.with_columns(ball=["b"] * 32), SETUP, {"a": BALL})
     with pytest.raises(tn.InputError, match="readings of an R-test and of a ball-bar"):
         made.with_columns(length_mm=np.full(32, 100.0))
+    still = made.with_columns(**dict.fromkeys(("dx_um", "dy_um", "dz_um"), np.full(32, 3.0)))
+    with pytest.raises(tn.DataError, match=r"3, 3, 3 in all 32 rows.*instrument stand still"):
+        tn.diagnose(still, SETUP)
     with pytest.raises(tn.InputError, match="no noise without a seed"):
         tn.simulate_rotary_test(plan, SETUP, BALL, noise_um=1.0)
 

@@ -113,8 +113,9 @@ def unstated(
     """Coarsest step that is recognised in what was recorded, above the stated one; 0: none.
 
     Places of a plan lie on a regular grid, too: a step far above the standard deviation of the
-    readings is one only where none is stated, and they differ from what a machine without errors
-    gives (``off``), or where places of the plan lie on a coarser one (``planned``, 0: not known).
+    readings is one only where none is stated, or readings in stated steps would not all be on it by
+    chance; and where they differ from what a machine without errors gives (``off``), or places of
+    the plan lie on a coarser one (``planned``, 0: not known).
     """
     # Numbers are whole steps from 0, too: seen where all differ by what a plan has between places.
     off = cache(off)
@@ -125,7 +126,9 @@ def unstated(
     for step, values in sorted(found, key=itemgetter(0), reverse=True):
         if step <= COARSER * stated:
             break
-        many = stated == 0 and step >= SMALLEST and len(np.unique(values)) >= MIN_EXACT
+        many = step >= SMALLEST and len(np.unique(values)) >= MIN_EXACT
+        if many and stated > 0:  # so many readings in steps of it hardly are all on this one
+            many = (stated / step) ** len(np.unique(np.round(off() / stated))) <= MAX_CHANCE
         if step > MAX_STEP_SIGMAS * sigma and not many:
             continue
         more = off()

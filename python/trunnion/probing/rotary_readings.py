@@ -27,6 +27,7 @@ from trunnion.setup.fields import COORDINATE, Flag, Number, Section, Vectors, ke
 
 MAX_DEVIATION_MM = 5.0
 MAX_BALLS = 1000
+MIN_ALIKE = 8  # readings that are the same only where nothing is measured
 STEP = 1.0
 """Of every parameter, µm and arcsec, over which readings are differenced."""
 ROWS_AT_ONCE = 8192
@@ -179,6 +180,13 @@ class RotaryReadings:
             raise DataError(
                 f"rotary test: got {measured.size} readings, expected more than "
                 f"{len(self.names)} unknowns"
+            )
+        if len(measured) >= MIN_ALIKE and not np.any(np.ptp(measured, axis=0)):
+            read = READINGS if self.data.length_mm is None else ("length_mm",)
+            got = ", ".join(f"{self.data.columns[name][0]:g}" for name in read)
+            raise DataError(
+                f"{', '.join(read)}: got {got} in all {len(measured)} rows, expected readings that "
+                "differ from position to position: does the instrument stand still?"
             )
         off = np.abs(measured - self.modelled(self.start)).max(axis=1)
         row = int(np.argmax(off))
