@@ -27,6 +27,7 @@ from trunnion.diagnosis.records import (
     with_unit,
 )
 from trunnion.diagnosis.scan import Term
+from trunnion.diagnosis.whitening import Whiten
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 
@@ -129,6 +130,13 @@ class _ModelWith:
         if effect.id == self.more.id:
             return Model.linear_columns(cast("Model", self), nuisance, effect, values)
         return self.inner.linear_columns(nuisance, effect, values)
+
+    def white_columns(
+        self, nuisance: Floats, effect: Effect, values: Sequence[Values], whiten: Whiten
+    ) -> Floats:
+        if effect.id == self.more.id:
+            return Model.white_columns(cast("Model", self), nuisance, effect, values, whiten)
+        return self.inner.white_columns(nuisance, effect, values, whiten)
 
     def location_errors(self, nuisance: Floats, effects: EffectValues) -> dict[str, float]:
         return self.inner.location_errors(nuisance, self._without(effects))
