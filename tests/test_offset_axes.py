@@ -56,7 +56,7 @@ def test_forms_refuse_an_artefact_off_the_middle() -> None:
 
 def test_a_plan_follows_the_nominal_geometry_and_known_errors() -> None:
     """The expected contact is where the touch of that machine is."""
-    known = replace(SUNK, machine=tn.Machine(errors={"EZ0A": 4000.0, "EA0A": 200.0}))
+    known = replace(SUNK, machine=tn.Machine(errors={"EZ0A": 1500.0, "EA0A": 200.0}))
     turned = replace(known, artefact=tn.Artefact("cross", place_mm=(20, -10, 5), turn_deg=30))
     for setup in (known, turned):
         plan = tn.plan(setup, c_deg=(0, 50), a_deg=(90, -60), dither=False)
