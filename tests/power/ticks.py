@@ -360,9 +360,9 @@ HEADING = [
     "found, and a machine with nothing hidden gives every reading as recorded (without noise).",
     "",
     "Without noise, 532 dithered readings tell the machine to a few thousandths of a step. A noise "
-    "as small cannot be told from none; intervals allow for it, and hold the truth more often than "
-    "95 % where there is none. Those of all places and noises, by weighted draws, are as wide "
-    "(`tests/test_rounded.py`).",
+    "as small is not distinguished from none; intervals allow for it, and include the truth in "
+    "more than 95 % where there is none. Those of all places and noises, by weighted draws, are as "
+    "wide (`tests/test_rounded.py`).",
     "",
     "| plan | dither | noise/tick | runs | false alarms | found | hidden by rounding | wrong "
     "| intervals, no effect | intervals, effect named | σ / true | outliers | CPU ms |",

@@ -370,7 +370,7 @@ class Grid:
             off = machines(jacobian, covariance, scale, spread, count, rng)
         else:
             off, each = place.drawn(count, rng), place.noise * every
-        if not spread or self.parts is None:  # it would part repeats that read the same
+        if not spread or self.parts is None:  # it would distinguish equal repeats
             each = np.maximum(each, MIN_NOISE_STEPS * scale)
         where = (values - residuals)[:, None] + off
         noisy = where + each[:, None] * rng.standard_normal(where.shape)

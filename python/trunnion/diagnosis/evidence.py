@@ -85,7 +85,7 @@ class Evidence:
             out[mask] = value + s.of_variants[blocks]
             least = min(least, out[mask])
         same = [mask for mask in s.alike if mask in out]
-        if same:  # all that parts them is what was assumed beforehand
+        if same:  # only what was assumed beforehand distinguishes them
             out |= dict.fromkeys(same, float(np.mean([out[mask] for mask in same])))
         return out
 
