@@ -457,14 +457,6 @@ class _Others:
             self._every[:, self._own[e.id]] = self._columns(e)
 
 
-def linear_of(effect: Effect, rows: int) -> slice | list[int]:
-    """Which parameters of an effect are linear; for many rows a slice where it can be: no copy."""
-    found = [i for i, p in enumerate(effect.parameters) if p.linear]
-    if rows >= MANY_ROWS and found and found[-1] - found[0] == len(found) - 1:
-        return slice(found[0], found[-1] + 1)
-    return found
-
-
 def _zoom_one(name: str, grid: Array, values: Values, gains_of: Callable[[Array], Array]) -> None:
     """Refine one nonlinear parameter for the largest gain, in place."""
     at = int(np.argmin(np.abs(grid - values[name])))

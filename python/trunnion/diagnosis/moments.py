@@ -15,7 +15,7 @@ from trunnion.base.statistics import MANY_ROWS, Spanned, linear_fit, spanned
 from trunnion.base.units import Floats
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Effect, Values
-from trunnion.diagnosis.fit import Fit, linear_of
+from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.gains import gains_at
 
 TRIALS = 128  # values that are tried near the one found
@@ -31,15 +31,14 @@ def moment_errors(case: Case, effect: Effect, f: Fit, variance: float) -> dict[s
     """
     own = case.columns_of(effect, f)
     moved = np.any(f.jacobian[:, own] != 0, axis=0)
-    names = np.array([p.name for p in effect.parameters])
     still = [
         p for p, moves in zip(effect.parameters, moved, strict=True) if not (p.linear or moves)
     ]
     if not still:
         return {}
-    linear = linear_of(effect, len(f.jacobian))
+    linear = [i for i, p in enumerate(effect.parameters) if p.linear]
     fitted = f.effects[effect.id]
-    of_effect = f.jacobian[:, own][:, linear] @ [fitted[name] for name in names[linear].tolist()]
+    of_effect = f.jacobian[:, own][:, linear] @ [fitted[effect.parameters[i].name] for i in linear]
     y = case.white(f.residuals + of_effect)
     basis, y = _beside(case, f, own, y)
 
@@ -47,9 +46,8 @@ def moment_errors(case: Case, effect: Effect, f: Fit, variance: float) -> dict[s
         """Drop of RSS / variance by the effect with each of these values, (t,)."""
 
         def columns(some: Floats) -> Floats:
-            every = (Values({**fitted, name: trial}) for trial in some.tolist())
-            rates = (case.model.effect_jacobian(f.nuisance, effect, at) for at in every)
-            return np.stack([case.white(x[:, linear]).T for x in rates]).transpose(0, 2, 1)
+            every = [Values({**fitted, name: trial}) for trial in some.tolist()]
+            return case.model.white_columns(f.nuisance, effect, every, case.whiten)[:, case.rows]
 
         return gains_at(columns, trials, basis, y) / variance
 

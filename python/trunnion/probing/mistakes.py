@@ -142,13 +142,13 @@ def mistakes_named(data: Touches, setup: Setup) -> Iterator[None]:
 
 
 def _by_size(result: IdentificationResult, setup: Setup) -> list[str]:
-    """Name position errors that no machine has."""
+    """Name location errors that no machine has."""
     radius = setup.probe.ball_radius_mm * 1e3
     said = []
     sure = {
         name: value
         for name, value in result.errors.items()
-        if name[1] in "XYZ" and abs(value) > SURE_SIGMAS * result.std_errors.get(name, np.inf)
+        if name[1] in "XYZ" and _is_sure(result, name, value)
     }
     for name, value in sure.items():
         height = value - setup.machine.errors.get(name, 0.0)
@@ -175,14 +175,17 @@ def _by_size(result: IdentificationResult, setup: Setup) -> list[str]:
     return said
 
 
+def _is_sure(result: IdentificationResult, name: str, value: float) -> bool:
+    """Whether an error is so much that its standard error leaves no doubt of it."""
+    return abs(value) > SURE_SIGMAS * result.std_errors.get(name, np.inf)
+
+
 def _turned(result: IdentificationResult, setup: Setup) -> list[str]:
     """Name angular errors that no machine has whose axes are at their zeros."""
     said = []
     for name, value in result.errors.items():
-        turn = value - setup.machine.errors.get(name, 0.0)
-        sure = abs(turn) > SURE_SIGMAS * result.std_errors.get(name, np.inf)
-        if name[1] in "ABC" and sure and abs(turn) > LARGE_ARCSEC:
-            axis = name[1]
+        turn, axis = value - setup.machine.errors.get(name, 0.0), name[1]
+        if axis in "ABC" and abs(turn) > LARGE_ARCSEC and _is_sure(result, name, turn):
             shift = f"a work offset that shifts {axis}, " if name[3] == axis else ""
             said.append(
                 f"{name} is {turn:+.0f} arcsec from the set-up, more than "
