@@ -46,6 +46,14 @@ def said(report: dict[str, Any], message: str) -> bool:
     return any(re.search(message, one) for one in report["messages"])
 
 
+def may_be_off(case: Hidden, degrees: float) -> Hidden:
+    """A case whose set-up lets the work offset shift the rotary axes so far, and a plan of it."""
+    control = replace(case.setup.control, rotary_offset_deg=degrees)
+    setup = replace(case.setup, control=control)
+    feed = float(case.plan["feed_mm_min"][0])
+    return replace(case, setup=setup, plan=tn.plan(setup, feeds_mm_min=[feed]))
+
+
 def found_again(case: Hidden, log: Path) -> None:
     touches = tn.read_probe_log(log, case.plan)
     assert len(touches) == len(case.plan)
@@ -56,7 +64,7 @@ def found_again(case: Hidden, log: Path) -> None:
 
 def test_a_run_continues_in_its_own_frame_alone(tmp_path: Path) -> None:
     """In one session: 0.2 \u00b5m, another tool length and a turned zero are refused unmoved."""
-    case = hidden(13, kind="cuboid")
+    case = may_be_off(hidden(13, kind="cuboid"), 0.02)
     (tmp_path / "first.ngc").write_text(broken(case))
     again = tn.probing_program(case.plan, case.setup, start_at=STOPPED_AT).text()
     (tmp_path / "again.ngc").write_text(again)
@@ -137,3 +145,37 @@ def test_a_wrapped_axis_is_refused_before_the_first_move(letter: str, tmp_path: 
             assert report["travel"] == 0
         else:
             assert report["travel"] > 1000, report["messages"]
+
+
+def test_a_rotary_axis_that_is_shifted_too_far_is_refused_before_the_first_move(
+    tmp_path: Path,
+) -> None:
+    """Further than the plan keeps clear of, which is nothing unless the set-up says so."""
+    plain = hidden(24, kind="cuboid")
+    cases = {"plain.ngc": plain, "stated.ngc": may_be_off(plain, 0.3)}
+    steps = work_offset(plain)
+    for name, case in cases.items():
+        (tmp_path / name).write_text(tn.probing_program(case.plan, case.setup).text())
+        for a, c in ((1.0, 0.0), (0.0, -1.0), (0.31, 0.0)):
+            steps += [{"mdi": f"G10 L2 P1 A{a} C{c}"}, {"program": name}]
+    for report in programs(run(plain.bench, steps, tmp_path)):
+        assert said(report, r"G54 shifts [AC] by -?\d\S* deg, the plan keeps clear of 0"), report
+        assert report["travel"] == 0
+        assert report["strikes"] == report["stem-strikes"] == 0
+        assert report["pauses"] == []
+
+
+@pytest.mark.parametrize(("seed", "kind"), [(24, "cuboid"), (25, "cross"), (26, "sphere")])
+def test_a_rotary_axis_may_be_shifted_as_far_as_the_plan_keeps_clear_of(
+    seed: int, kind: str, tmp_path: Path
+) -> None:
+    """The table leans and turns by all that is stated, the artefact stands as far off as it may."""
+    case = may_be_off(hidden(seed, clearance=5.0, kind=kind, at_edge=True), 0.3)
+    (tmp_path / "probe.ngc").write_text(tn.probing_program(case.plan, case.setup).text())
+    for number, (a, c) in enumerate(((0.3, -0.3), (-0.3, 0.3))):
+        steps = [*work_offset(case), {"mdi": f"G10 L2 P1 A{a} C{c}"}, {"program": "probe.ngc"}]
+        report = programs(run(case.bench, steps, tmp_path))[-1]
+        assert report["strikes"] == report["stem-strikes"] == 0, report
+        touches = tn.read_probe_log(tmp_path / "touches.log", case.plan)
+        assert len(touches) == len(case.plan), report["messages"]
+        (tmp_path / "touches.log").rename(tmp_path / f"{number}.log")

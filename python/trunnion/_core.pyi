@@ -190,6 +190,7 @@ class Arrangement:
         table_thickness_mm: float,
         clearance_mm: float,
         overtravel_mm: float,
+        rotary_offset_deg: float,
     ) -> Arrangement: ...
     def plan(
         self,

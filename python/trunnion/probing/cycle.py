@@ -111,8 +111,10 @@ class Cycle:
     def look_mm(self, look: Step) -> float:
         """How far the contact of a look may be from where it is planned."""
         artefact, reach = self.setup.artefact, math.hypot(*look.contact)
-        turned = math.radians(artefact.tolerance_deg) * reach
-        return artefact.tolerance_mm + turned + self.setup.control.centre_tolerance_mm
+        control = self.setup.control
+        off = artefact.tolerance_deg + len(self.letters) * control.rotary_offset_deg
+        turned = math.radians(off) * reach
+        return artefact.tolerance_mm + turned + control.centre_tolerance_mm
 
     def _begin(self) -> Iterator[Move]:
         """Moves before the first touch; what may be in the way stops those to the touches."""

@@ -12,8 +12,8 @@ from trunnion.setup.control import WORK_OFFSETS
 TOLERANCE_MM = 0.01
 CORRECTION_MM = 2.0
 """Corrections of a machine are smaller; tool centre point control is further off."""
-ROTARY_OFFSET_DEG = 1.0
-"""Rotary work offsets beyond this are left over, not the zero of an axis."""
+ROUNDED_DEG = 1e-4
+"""What the control shows a rotary work offset to; less is none, and nothing to a clearance."""
 TURNING_PER_S = 0.05
 """Turns of the spindle in a second, as its encoder reads them, that are no noise of it."""
 BEYOND_A_TURN_DEG = 400.0
@@ -49,8 +49,10 @@ def state(cycle: Cycle) -> Iterator[str]:
     for label, letter in enumerate(cycle.letters, start=105):
         number = base + 3 + "ABC".index(letter)
         yield from stop_if(
-            label, f"ABS[#{number}] GT {n(ROTARY_OFFSET_DEG)}",
-            f"{control.wcs} shifts {letter} by #{number} deg, expected its zero",
+            label, f"ABS[#{number}] GT {n(control.rotary_offset_deg + ROUNDED_DEG)}",
+            f"{control.wcs} shifts {letter} by #{number} deg, the plan keeps clear of "
+            f"{n(control.rotary_offset_deg)}: take it out or state control.rotary_offset_deg and "
+            "plan again",
         )  # fmt: skip
     yield from _wrapped(cycle)
     yield "#<_unit> = 1 (mm of a unit of the machine)"

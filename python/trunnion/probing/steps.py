@@ -38,6 +38,7 @@ def arrangement(setup: Setup) -> _core.Arrangement:
         table_thickness_mm=setup.table.thickness_mm,
         clearance_mm=setup.plan.clearance_mm,
         overtravel_mm=setup.plan.overtravel_mm,
+        rotary_offset_deg=setup.control.rotary_offset_deg,
     )
 
 
@@ -107,10 +108,16 @@ def check_clear(plan: Touches, setup: Setup) -> None:
         artefact = setup.artefact
         raise DataError(
             f"plan: got touches that run into something or find nothing with the artefact within "
-            f"{artefact.tolerance_mm:g} mm and {artefact.tolerance_deg:g} deg of its place: "
-            f"{places(plan, found, MAX_NAMED)}; expected a plan of this set-up (artefact, place, "
-            "tolerance, table, probe, clearance)"
+            f"{artefact.tolerance_mm:g} mm and {artefact.tolerance_deg:g} deg of its place"
+            f"{_offset_too(setup)}: {places(plan, found, MAX_NAMED)}; expected a plan of this "
+            "set-up (artefact, place, tolerance, table, probe, clearance)"
         )
+
+
+def _offset_too(setup: Setup) -> str:
+    """Say what rotary axes may be off by, where that is anything."""
+    off = setup.control.rotary_offset_deg
+    return f", rotary axes within {off:g} deg of theirs" if off else ""
 
 
 def table_pose(touches: Touches, setup: Setup) -> tuple[Floats, Floats]:

@@ -68,6 +68,11 @@ class ControlSetup(Part):
         None, COORDINATE, "of a head: from its pivot to where the tool length is 0"
     )
     centre_tolerance_mm: float = key(1.0, Number(1e-3, 1e3), "of this check")
+    rotary_offset_deg: float = key(
+        0.0,
+        Number(0.0, 5.0),
+        "how far the work offset may shift a rotary axis: plans keep clear, the program checks it",
+    )
     tool_number: int = key(0, _Tool(), "of the probe: G43 H; 0: the tool length in force is taken")
     tool_check: bool = key(True, Flag(), "stop unless a tool length is in force")
     tcp_off: str = key("", _Line(), "line that switches tool centre point control off (M429)")

@@ -59,7 +59,8 @@ impl Paper {
         };
         let (places, fixture) = (machine.nominal(), Fixture::default());
         let table = [150.0, 30.0];
-        let arrangement = Arrangement::new(machine.clone(), &places, artefact, &fixture, table)?;
+        let arrangement =
+            Arrangement::new(machine.clone(), &places, artefact, &fixture, table, 0.0)?;
         let touches = plan(&arrangement, &request, &options)?;
         let flat = |of: fn(&PlannedTouch) -> Vector3<f64>| {
             touches.iter().flat_map(|touch| <[f64; 3]>::from(of(touch))).collect()

@@ -38,7 +38,8 @@ impl Arrangement {
     #[new]
     #[pyo3(signature = (
         machine, artefact, *, ball_radius_mm, stem_radius_mm, stem_length_mm, body_radius_mm,
-        body_length_mm, table_radius_mm, table_thickness_mm, clearance_mm, overtravel_mm
+        body_length_mm, table_radius_mm, table_thickness_mm, clearance_mm, overtravel_mm,
+        rotary_offset_deg
     ))]
     fn new(
         machine: &Machine,
@@ -52,11 +53,13 @@ impl Arrangement {
         #[pyo3(from_py_with = finite)] table_thickness_mm: f64,
         #[pyo3(from_py_with = finite)] clearance_mm: f64,
         #[pyo3(from_py_with = finite)] overtravel_mm: f64,
+        #[pyo3(from_py_with = finite)] rotary_offset_deg: f64,
     ) -> PyResult<Self> {
         let Artefact { inner, fixture } = artefact;
         let table = [table_radius_mm, table_thickness_mm];
+        let offset = rotary_offset_deg * DEG;
         let (machine, places) = (machine.inner.clone(), &machine.places);
-        let inner = planning::Arrangement::new(machine, places, *inner, fixture, table);
+        let inner = planning::Arrangement::new(machine, places, *inner, fixture, table, offset);
         Ok(Self {
             inner: inner.into_py()?,
             stylus: Stylus {

@@ -4,7 +4,7 @@
 //! Everything is in the table's frame. Shapes and swept queries are parry's: convex shapes and
 //! their time of impact.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use parry3d_f64::glamx::{DPose3, DQuat, DVec3};
 use parry3d_f64::query::{ShapeCastOptions, cast_shapes, distance};
 use parry3d_f64::shape::{Ball, Capsule, Cuboid, Cylinder, Shape};
@@ -75,11 +75,29 @@ struct Obstacle {
     part: Option<usize>,
 }
 
+/// How far the control may have the table turned from where it is commanded: work offsets of rotary
+/// axes that are not where the zeros of the axes are.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RotaryOffset {
+    /// Of all axes under the table together, rad.
+    pub angle: f64,
+    /// How far these axes may pass from the origin of the table's frame, mm.
+    pub reach: f64,
+}
+
+impl RotaryOffset {
+    /// How far it moves a point at this distance from the origin of the table's frame, mm.
+    fn shift(&self, distance: f64) -> f64 {
+        self.angle * (self.reach + distance)
+    }
+}
+
 /// Artefact, its stem and table as obstacles.
 pub struct Surroundings {
     obstacles: Vec<Obstacle>,
     tolerance: f64,
     turn_tolerance: f64,
+    offset: RotaryOffset,
     origin: Vector3<f64>,
     table_radius: f64,
     table_thickness: f64,
@@ -107,12 +125,12 @@ impl Surroundings {
     /// The artefact on a round table.
     ///
     /// # Errors
-    /// A table without radius or thickness, a stem or a tolerance below zero.
+    /// A table without radius or thickness, a stem, a tolerance or an offset below zero.
     pub fn new(
         artefact: &Artefact,
         fixture: &Fixture,
-        table_radius: f64,
-        table_thickness: f64,
+        [table_radius, table_thickness]: [f64; 2],
+        offset: RotaryOffset,
     ) -> Result<Self> {
         positive("radius of the table", table_radius)?;
         positive("thickness of the table", table_thickness)?;
@@ -120,6 +138,7 @@ impl Surroundings {
             ("radius of the artefact's stem", fixture.stem_radius),
             ("tolerance of the artefact's place", fixture.tolerance),
             ("tolerance of the artefact's turn", fixture.turn_tolerance),
+            ("offset of the rotary axes", offset.angle),
         ];
         for (what, size) in sizes {
             if !(size.is_finite() && size >= 0.0) {
@@ -130,6 +149,7 @@ impl Surroundings {
             obstacles: Vec::new(),
             tolerance: fixture.tolerance,
             turn_tolerance: fixture.turn_tolerance,
+            offset,
             origin: fixture.place,
             table_radius,
             table_thickness,
@@ -149,7 +169,22 @@ impl Surroundings {
         let growth = around.shift_at(0.0);
         let hull = Vec::new();
         around.obstacles.push(Obstacle { pose, shape, hull, growth, part: None });
+        around.grow_by_offset();
         Ok(around)
+    }
+
+    /// The table's own obstacle has no hull: its rim is farthest.
+    fn grow_by_offset(&mut self) {
+        let rim = self.rim();
+        for obstacle in &mut self.obstacles {
+            let ends = obstacle.hull.iter().map(|(centre, r)| centre.norm() + r);
+            obstacle.growth += self.offset.shift(ends.reduce(f64::max).unwrap_or(rim));
+        }
+    }
+
+    /// Distance of the table's rim from the origin of its frame.
+    fn rim(&self) -> f64 {
+        self.table_radius.hypot(self.table_thickness)
     }
 
     /// What carries a box above the table is taken to be as wide as the box.
@@ -262,14 +297,15 @@ impl Surroundings {
         self.tolerance + SLACK_MM + self.turn_tolerance * radius
     }
 
-    /// How far any point of the artefact may be from nominal, mm.
+    /// How far any point of what is touched may be from nominal, mm.
     #[must_use]
     pub fn growth(&self) -> f64 {
-        self.obstacles.iter().map(|obstacle| obstacle.growth).fold(0.0, f64::max)
+        let touched = self.obstacles.iter().filter(|obstacle| obstacle.part.is_some());
+        touched.map(|obstacle| obstacle.growth).fold(0.0, f64::max)
     }
 
-    /// How the artefact may stand: where it should, and off by the tolerances of place and turn in
-    /// 14 directions each and both senses.
+    /// How the artefact may stand: where it should, off by the tolerances of place and turn in 14
+    /// directions each and both senses, and leaning with a table that is turned too far.
     #[must_use]
     pub fn stands(&self) -> Vec<Stand> {
         let mut directions = Vec::new();
@@ -279,14 +315,30 @@ impl Surroundings {
         directions.extend((0..8).map(|corner: usize| {
             Vector3::from_fn(|i, _| if corner >> i & 1 == 0 { 1.0 } else { -1.0 }).normalize()
         }));
+        let turn = self.turn_tolerance + self.offset.angle;
+        let way = self.tolerance + self.offset.shift(self.origin.norm());
         let off = directions.iter().flat_map(|direction| {
-            [self.turn_tolerance, -self.turn_tolerance].map(|turn| {
-                let rotation = Direction::Z.rotation(turn);
-                let kept = self.origin - rotation * self.origin;
-                Stand(Pose { rotation, translation: kept + direction * self.tolerance })
-            })
+            [turn, -turn].map(|turn| self.stand(Direction::Z.rotation(turn), direction * way))
         });
-        std::iter::once(Stand(Pose::identity())).chain(off).collect()
+        std::iter::once(Stand(Pose::identity())).chain(off).chain(self.tilted()).collect()
+    }
+
+    /// The artefact leaning by the offset of the rotary axes, in [`LEANS`] directions; so much more
+    /// that it leans by the offset in every direction between them.
+    fn tilted(&self) -> impl Iterator<Item = Stand> {
+        let step = std::f64::consts::TAU / LEANS as f64;
+        let tilt = Direction::X.rotation(self.offset.angle / (0.5 * step).cos());
+        let count = if self.offset.angle > 0.0 { LEANS } else { 0 };
+        (0..count).map(move |lean| {
+            let around = Direction::Z.rotation(step * lean as f64);
+            self.stand(around * tilt * around.transpose(), Vector3::zeros())
+        })
+    }
+
+    /// The artefact turned about its origin, then moved.
+    fn stand(&self, rotation: Matrix3<f64>, moved: Vector3<f64>) -> Stand {
+        let kept = self.origin - rotation * self.origin;
+        Stand(Pose { rotation, translation: kept + moved })
     }
 
     /// Highest coordinate along `up` (machine frame) of anything that may be on the table at this
@@ -300,13 +352,13 @@ impl Surroundings {
             let balls = obstacle.hull.iter();
             balls.map(|(centre, r)| table.apply(centre).dot(up) + r + obstacle.growth)
         });
-        balls.fold(disc + self.shift_at(0.0), f64::max)
+        balls.fold(disc + self.shift_at(0.0) + self.offset.shift(self.rim()), f64::max)
     }
 
     /// Largest distance of anything that may be on the table from the origin of its frame.
     #[must_use]
     pub fn farthest(&self) -> f64 {
-        let table = self.table_radius.hypot(self.table_thickness) + self.shift_at(0.0);
+        let table = self.rim() + self.shift_at(0.0) + self.offset.shift(self.rim());
         let balls = self.obstacles.iter().flat_map(|obstacle| {
             obstacle.hull.iter().map(|(centre, r)| centre.norm() + r + obstacle.growth)
         });
@@ -352,6 +404,9 @@ const SLACK_MM: f64 = 0.05;
 /// Boxes that stand for the wall of a bore: between two of them it is 0.05 % of its radius away, which
 /// is within [`SLACK_MM`] for bores up to 180 mm.
 const WALLS: usize = 96;
+
+/// Directions in which an artefact on a table that is turned too far is looked at.
+const LEANS: usize = 8;
 
 /// Corners of the prism that stands for a chuck where the highest point is looked for.
 const CORNERS: usize = 24;
@@ -410,6 +465,8 @@ impl Obstacle {
 mod tests {
     use super::*;
 
+    const TABLE: [f64; 2] = [150.0, 30.0];
+    const EXACT: RotaryOffset = RotaryOffset { angle: 0.0, reach: 0.0 };
     const STYLUS: Stylus =
         Stylus { ball_radius: 1.0, stem_radius: 0.5, length: 100.0, body: [0.0; 2] };
 
@@ -421,7 +478,7 @@ mod tests {
     #[test]
     fn the_stem_must_not_pass_through_an_arm() {
         let cross = Artefact::of("cross", &[100.0, 25.0, 25.0]).unwrap();
-        let around = Surroundings::new(&cross, &Fixture::default(), 150.0, 30.0).unwrap();
+        let around = Surroundings::new(&cross, &Fixture::default(), TABLE, EXACT).unwrap();
         let up = [0.0, 0.0, 1.0];
         assert!(is_free(&around, [20.0, -37.5, 12.5], [13.6, -37.5, 12.5], up));
         assert!(!is_free(&around, [20.0, -37.5, 12.5], [13.4, -37.5, 12.5], up));
@@ -439,7 +496,7 @@ mod tests {
         let cross = Artefact::of("cross", &[100.0, 25.0, 25.0]).unwrap();
         let place = Vector3::new(30.0, -20.0, 10.0);
         let fixture = Fixture { place, tolerance: 2.0, ..Fixture::default() };
-        let around = Surroundings::new(&cross, &fixture, 150.0, 30.0).unwrap();
+        let around = Surroundings::new(&cross, &fixture, TABLE, EXACT).unwrap();
         let up = [0.0, 0.0, 1.0];
         let side = |x: f64| is_free(&around, [70.0, -57.5, 22.5], [x, -57.5, 22.5], up);
         assert!(side(30.0 + 12.5 + 1.0 + 2.1) && !side(30.0 + 12.5 + 1.0 + 1.9));
@@ -454,7 +511,7 @@ mod tests {
         let below = ([0.0, 0.0, 30.0], [0.0, 0.0, 46.0], [0.0, 1.0, 0.0]);
         for (stem_radius, expected) in [(0.0, true), (4.0, false)] {
             let fixture = Fixture { stem_radius, ..Fixture::default() };
-            let around = Surroundings::new(&sphere, &fixture, 150.0, 30.0).unwrap();
+            let around = Surroundings::new(&sphere, &fixture, TABLE, EXACT).unwrap();
             assert_eq!(is_free(&around, below.0, below.1, below.2), expected);
         }
     }
@@ -464,7 +521,7 @@ mod tests {
         let cuboid = Artefact::of("cuboid", &[60.0, 60.0, 40.0]).unwrap();
         let up = [0.0, 0.0, 1.0];
         let free = |fixture: &Fixture, stylus: &Stylus, z: f64| {
-            let around = Surroundings::new(&cuboid, fixture, 150.0, 30.0).unwrap();
+            let around = Surroundings::new(&cuboid, fixture, TABLE, EXACT).unwrap();
             let way =
                 Way { from: [45.0, 0.0, z].into(), to: [32.0, 0.0, z].into(), stem: up.into() };
             around.is_free(&way, stylus)
@@ -477,17 +534,19 @@ mod tests {
         assert!(!free(&held, &STYLUS, 20.0) && free(&held, &STYLUS, 30.0));
         let short = Stylus { length: 20.0, body: [20.0, 60.0], ..STYLUS };
         assert!(!free(&bare, &short, 12.0) && free(&bare, &short, 22.0));
-        let around = Surroundings::new(&cuboid, &held, 150.0, 30.0).unwrap();
+        let around = Surroundings::new(&cuboid, &held, TABLE, EXACT).unwrap();
         assert!((around.highest(&Pose::identity(), &Vector3::z()) - 40.0 - SLACK_MM).abs() < 1e-9);
         let thin = Fixture { clamps: vec![[40.0, 0.0, 0.0, 30.0, 15.0]], ..bare };
-        assert!(Surroundings::new(&cuboid, &thin, 150.0, 30.0).is_err());
+        assert!(Surroundings::new(&cuboid, &thin, TABLE, EXACT).is_err());
     }
 
     #[test]
     fn a_table_without_size_is_refused() {
         let cross = Artefact::of("cross", &[100.0, 25.0, 25.0]).unwrap();
         for (radius, thickness) in [(-1.0, 30.0), (150.0, -30.0), (150.0, 0.0), (f64::NAN, 30.0)] {
-            assert!(Surroundings::new(&cross, &Fixture::default(), radius, thickness).is_err());
+            assert!(
+                Surroundings::new(&cross, &Fixture::default(), [radius, thickness], EXACT).is_err()
+            );
         }
     }
 }

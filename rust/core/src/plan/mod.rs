@@ -21,7 +21,7 @@ use crate::pose::Pose;
 use crate::{Error, Result};
 
 use approach::{Approach, Approaches};
-use collision::{Stylus, Surroundings};
+use collision::{RotaryOffset, Stylus, Surroundings};
 use senses::Senses;
 
 pub use approach::blocked;
@@ -103,19 +103,23 @@ pub struct Arrangement {
 
 impl Arrangement {
     /// A machine with known errors at `places` (those of its nominal geometry among them) and an
-    /// artefact on its table, a disc of this radius and thickness.
+    /// artefact on its table, a disc of this radius and thickness. The control may have each rotary
+    /// axis under the table `offset` from where it is commanded, rad.
     ///
     /// # Errors
-    /// A table without radius or thickness, a stem or a tolerance below zero.
+    /// A table without radius or thickness, a stem, a tolerance or an offset below zero.
     pub fn new(
         machine: Machine,
         places: &Places,
         artefact: Artefact,
         fixture: &Fixture,
         table: [f64; 2],
+        offset: f64,
     ) -> Result<Self> {
-        let [radius, thickness] = table;
-        let around = Surroundings::new(&artefact, fixture, radius, thickness)?;
+        let (under, seat) = offsets_under(&machine, places);
+        let reach = under.iter().map(|place| place.norm()).sum::<f64>() + seat;
+        let offset = RotaryOffset { angle: offset * under.len() as f64, reach };
+        let around = Surroundings::new(&artefact, fixture, table, offset)?;
         let mut places = *places;
         fixture.add_to(&machine, &mut places);
         Ok(Self { machine, artefact, places, around })
@@ -142,13 +146,9 @@ impl Arrangement {
     /// Coordinate along the stem that is `above` mm over everything whatever the rotary axes do.
     #[must_use]
     pub fn swing_level(&self, above: f64) -> f64 {
-        let offsets = self.machine.rotary().iter().enumerate().filter_map(|(axis, rotary)| {
-            let frame = self.places.frame(axis);
-            (rotary.side == Side::Workpiece).then(|| Vector3::new(frame[0], frame[1], frame[2]))
-        });
+        let (offsets, seat) = offsets_under(&self.machine, &self.places);
         let fixed_head = self.machine.rotary().iter().all(|axis| axis.side == Side::Workpiece);
-        let seat = self.machine.seat().map_or(0.0, |seat| seat.norm());
-        let reach = offsets.enumerate().map(|(number, offset)| {
+        let reach = offsets.iter().enumerate().map(|(number, offset)| {
             // The first axis stands still in the machine frame.
             if number == 0 && fixed_head { offset.z } else { offset.norm() }
         });
@@ -160,8 +160,9 @@ impl Arrangement {
     fn check(&self, options: &PlanOptions) -> Result<()> {
         let shift = self.around.growth();
         let would_do = format!(
-            "more than {shift:.3}: within artefact.tolerance_mm and artefact.tolerance_deg a face may \
-             stand off so far; raise it, or place the artefact better and state smaller tolerances"
+            "more than {shift:.3}: within artefact.tolerance_mm, artefact.tolerance_deg and \
+             control.rotary_offset_deg a face may stand off so far; raise it, or place the artefact \
+             better and state smaller tolerances"
         );
         for (key, value) in
             [("plan.clearance_mm", options.clearance), ("plan.overtravel_mm", options.overtravel)]
@@ -172,6 +173,16 @@ impl Arrangement {
         }
         Ok(())
     }
+}
+
+/// Offsets of the axes under the table, each from the one before, and how far the table's top is
+/// from the last, mm.
+fn offsets_under(machine: &Machine, places: &Places) -> (Vec<Vector3<f64>>, f64) {
+    let offsets = machine.rotary().iter().enumerate().filter_map(|(axis, rotary)| {
+        let frame = places.frame(axis);
+        (rotary.side == Side::Workpiece).then(|| Vector3::new(frame[0], frame[1], frame[2]))
+    });
+    (offsets.collect(), machine.seat().map_or(0.0, |seat| seat.norm()))
 }
 
 struct Position {
@@ -446,7 +457,7 @@ mod tests {
         let machine = Machine::of_code(code, 150.0).unwrap();
         let cross = Artefact::of("cross", &[100.0, 25.0, 25.0]).unwrap();
         let places = machine.nominal();
-        Arrangement::new(machine, &places, cross, &Fixture::default(), [150.0, 30.0]).unwrap()
+        Arrangement::new(machine, &places, cross, &Fixture::default(), [150.0, 30.0], 0.0).unwrap()
     }
 
     #[test]

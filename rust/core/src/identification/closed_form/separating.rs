@@ -281,7 +281,7 @@ mod tests {
             let (places, fixture) = (machine.nominal(), Fixture::default());
             let table = [150.0, 30.0];
             let arrangement =
-                Arrangement::new(machine.clone(), &places, artefact, &fixture, table).unwrap();
+                Arrangement::new(machine.clone(), &places, artefact, &fixture, table, 0.0).unwrap();
             let touches = plan(&arrangement, &request, &options).unwrap();
             let flat = |f: fn(&PlannedTouch) -> Vector3<f64>| {
                 touches.iter().flat_map(|t| f(t).iter().copied().collect::<Vec<_>>()).collect()
