@@ -198,7 +198,7 @@ def test_places_of_dithered_readings_are_those_of_weighted_draws(noise: float) -
 
     Drawn from a normal distribution that is a little wider, each draw counts by the probability of
     the readings over that with which it was drawn. Noises down to a 2,500th of a step are equally
-    probable in their logarithm.
+    probable in their root.
     """
     noises = np.geomspace(4e-4, 0.5, 17)
     ratios = []
@@ -218,7 +218,7 @@ def test_places_of_dithered_readings_are_those_of_weighted_draws(noise: float) -
         near = [stats.norm.sf((off - 0.5) / s) - stats.norm.sf((off + 0.5) / s) for s in noises]
         with np.errstate(divide="ignore"):
             log = np.array([np.log(p).sum(axis=1) - density for p in near])
-        weight = np.exp(log - log.max())
+        weight = np.sqrt(noises)[:, None] * np.exp(log - log.max())
         mean = np.tensordot(weight.sum(axis=0), drawn, 1) / weight.sum()
         each = np.sqrt(weight.sum(axis=0) @ (drawn - mean) ** 2 / weight.sum())
         ratios.append(np.sqrt(np.diag(place.covariance)) / each)

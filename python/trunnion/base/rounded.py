@@ -13,8 +13,10 @@ expectation propagation (Minka 2001): a normal distribution takes the place of e
 those of all others it has the mean and the variance that P has. P of a normal distribution of
 places is one of a larger noise, so all of it is in closed form. Readings that repeat each other say
 no more than one does where there is no noise; P of several is then one with a nearer edge. Every
-noise counts by how probable it makes the readings. Standard errors, which that gets wrong by up to
-a tenth, are those of machines that are drawn (:mod:`.read_alike`).
+noise counts by how probable it makes the readings, and before them each as Jeffreys says: evenly in
+√s. A reading tells of ln s only where the machine is near an edge, so that its information is 2.2 s
+per step (its root within 4 % up to half a step). Standard errors, which expectation propagation
+gets wrong by up to a tenth, are those of machines that are drawn (:mod:`.read_alike`).
 """
 
 from collections.abc import Sequence
@@ -278,7 +280,7 @@ def place_of(
     noises = np.array([places.noise for places in found])
     weight = np.exp([places.log - max(one.log for one in found) for places in found])
     if len(found) > 1:
-        weight *= -np.gradient(np.log(noises))
+        weight *= -np.gradient(np.sqrt(noises))
     weight /= weight.sum()
     at = np.asarray(weight @ [places.mean for places in found])
     every = [places.covariance + np.outer(d, d) for places in found for d in (places.mean - at,)]
