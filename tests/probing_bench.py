@@ -17,6 +17,8 @@ from power.report import count_and_out, write
 
 FloatArray = npt.NDArray[np.float64]
 
+COUNTED = ("strikes", "stem-strikes", "moving_seconds")
+"""What the runs of one program add up to."""
 RACE = "Queue is not empty after probing"
 SPEED = 20.0
 SERVO_MS = 1.0
@@ -197,7 +199,7 @@ def run_program(
         following = int(done[0]) + 1 if done[0].isdigit() else 1
         text = tn.probing_program(case.plan, case.setup, start_at=following).text()
         more = _run(case, folder, text)
-        counted = {name: report[name] + more[name] for name in ("strikes", "stem-strikes")}
+        counted = {name: report[name] + more[name] for name in COUNTED}
         report = {**more, **counted, "resumed": report["resumed"] + 1}
     return report
 
@@ -235,19 +237,20 @@ def one_run(seed: int, folder: Path) -> dict[str, Any]:
 
 
 def passes(feeds: Sequence[float], folder: Path, seed: int = 21) -> tuple[float, float, int]:
-    """Noise of a reading, µm, time, s, and touches of a program on a cross.
+    """Noise of a reading, µm, time in motion, s, and touches of a program on a cross.
 
-    feeds: mm/min of the approaches at true speed, the second of a second pass.
+    feeds: mm/min of the approaches at true speed, the second of a second pass. Between moves the
+    motion waits for LinuxCNC's task, as long as the load of this computer makes it.
     """
     first, second = (feed * SPEED for feed in (*feeds, 0.0)[:2])
     case = hidden(seed, clearance=5.0, kind="cross", feed_mm_min=first, slow_feed_mm_min=second)
     report = run_program(case, folder)
-    assert report["strikes"] == report["stem-strikes"] == report["resumed"] == 0, report
+    assert report["strikes"] == report["stem-strikes"] == 0, report
     touches = tn.read_probe_log(folder / "touches.log", case.plan)
     fit = tn.identify(touches, case.setup)
     # Not `sigma_um`, which the step of a reading holds up.
     noise = float(np.sqrt(np.sum(np.square(fit.residuals_um)) / fit.degrees_of_freedom))
-    return noise, float(report["machine_seconds"]), len(touches)
+    return noise, float(report["moving_seconds"]), len(touches)
 
 
 def main(count: int, out: Path | None) -> None:
@@ -302,7 +305,7 @@ TWICE = """## What a second pass buys
 
 A cross, a servo period of 1 ms, a probe without scatter of its own: what is left is the step of a
 reading, feed × period. *Noise*: standard deviation of one reading as the residuals of an
-identification show it.
+identification show it. *Time*: in which an axis moves.
 
 | feed, mm/min | noise, µm | time, s | touches |
 |---|---|---|---|

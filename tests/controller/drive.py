@@ -76,6 +76,7 @@ class Bench:
 
     def step(self, step: dict[str, str]) -> dict[str, object]:
         started, before = time.monotonic(), hal.get_value("probebench.seconds")
+        moving = hal.get_value("probebench.moving")
         travelled = hal.get_value("probebench.travelled")
         said, pauses = [], []
         self.clocks.clear()
@@ -115,6 +116,7 @@ class Bench:
         report |= {key: step[key] for key in ("mdi", "program") if key in step}
         report["travel"] = hal.get_value("probebench.travelled") - travelled
         report["machine_seconds"] = hal.get_value("probebench.seconds") - before
+        report["moving_seconds"] = hal.get_value("probebench.moving") - moving
         report["seconds"] = time.monotonic() - started
         report["messages"] = said
         report["pauses"] = pauses
