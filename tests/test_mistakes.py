@@ -517,3 +517,26 @@ def test_half_a_tick_of_starts_that_differ_is_named(seed: int) -> None:
         assert any("scatter as a control does" in note for note in method(data, SETUP).notes)
     noisy = tn.simulate(plan, SETUP, machine(seed), {"dx_um": 130.0}, noise_um=2.9, seed=seed)
     assert not any("as a control does" in note for note in tn.identify(noisy, SETUP).notes)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_mirrored_c_is_seen_by_a_cross_that_is_off_the_middle_alone(seed: int) -> None:
+    """In the middle either sense fits, with the same errors: docs/how-to/common-mistakes.md."""
+    meant = tn.Setup(tn.Artefact("cross"))
+    mirrored = replace(meant, axes={"C": tn.AxisSetup(sense=-1)})
+    plan, errors = tn.plan(meant), {"EX0C": 20.0, "EY0A": 10.0, "EB0C": 12.0, "EA0A": 8.0}
+
+    def fits(off_um: float) -> list[tn.IdentificationResult]:
+        touches = tn.simulate(
+            plan, mirrored, errors, placement={"dx_um": off_um}, noise_um=0.3, seed=seed
+        )
+        return [tn.identify(touches, setup) for setup in (meant, mirrored)]
+
+    wrong, right = fits(0.0)
+    assert wrong.rms_um == pytest.approx(right.rms_um, rel=0.2)
+    assert not wrong.notes
+    for name, value in right.errors.items():
+        assert abs(wrong.errors[name] - value) < 0.3 * right.std_errors[name]
+    wrong, right = fits(20.0)
+    assert any("sense = -1 of axis C" in note for note in wrong.notes)
+    assert right.rms_um < 0.4
