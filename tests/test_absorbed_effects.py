@@ -95,6 +95,22 @@ def test_an_effect_that_shifts_the_placement_only_has_no_bias() -> None:
     assert f"a_twist: {seen.bias['a_twist']}." in seen.sentences()
 
 
+def test_what_is_absorbed_in_part_is_not_excluded_at_the_size_that_hurts() -> None:
+    """Not at that of one parameter alone, which shows before; first, as it shows at no size."""
+    without = diagnosed("paper", {}, 1)
+    said = "sag of the A axis (a_sag): 5 µm of ky_um with -5 µm of kz_um would shift EZ0A by +5 µm"
+    (opening,) = (line for line in without.summary().splitlines() if "Not excluded" in line)
+    assert opening.startswith(f"Not excluded: {said}, unnoticed")
+    hidden = diagnosed("paper", {"a_sag": {"ky_um": 5.0, "kz_um": -5.0}}, 1)
+    assert hidden.verdict == "consistent"
+    bias = hidden.errors_after["EZ0A"] - without.errors_after["EZ0A"]
+    assert bias == pytest.approx(5.0, abs=0.1)
+    setup = tn.Setup(tn.Artefact("cross"))
+    seen = tn.observability(tn.plan(setup), setup)
+    assert f"a_sag: {seen.bias['a_sag']}." in seen.sentences()
+    assert not set(seen.bias) & set(seen.unnoticed)
+
+
 @pytest.mark.parametrize(("plan", "effect"), WEAK)
 def test_what_can_stay_unnoticed_shifts_the_error_as_stated(plan: str, effect: str) -> None:
     """Half of it is not named, twice of it is where that is of plausible size."""

@@ -85,7 +85,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     named = set(f.effects).union(*(a.causes for a in alternatives))
     lost = _absorbed(kept, e.candidates, std, grown)
     others = Others.of(kept, grown, variance) if std or is_small(kept) else None
-    weak = unnoticed_of(kept, grown, std, others)
+    weak = _with_parts(unnoticed_of(kept, grown, std, others), lost)
     contributions, ladder = contributions_of(kept, case.given or plain, grown, rows)
     known = _uncertainty(kept, f, doubt, shape, sigma, variance)
     in_doubt = (*notes_of_structure(model, open_, std), *notes_of_shape(model, f, shape, std))
@@ -304,6 +304,17 @@ def _absorbed(case: Case, candidates: Candidates, std: dict[str, float], f: Fit)
         elif bias and not what:
             out[effect.id] = f"{PARTLY_ABSORBED}: {bias}"
     return out
+
+
+def _with_parts(weak: Mapping[str, str], lost: Mapping[str, str]) -> dict[str, str]:
+    """Return what stays unnoticed of effects, of those absorbed in part what is absorbed, first."""
+    begins = f"{PARTLY_ABSORBED}: "
+    parts = {
+        k: f"{text.removeprefix(begins)}, unnoticed"
+        for k, text in lost.items()
+        if text.startswith(begins)
+    }
+    return parts | {k: text for k, text in weak.items() if k not in lost}
 
 
 def _alternatives(case: Case, e: Explanation) -> list[Alternative]:

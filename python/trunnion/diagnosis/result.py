@@ -121,7 +121,8 @@ class Diagnosis(Result):
         Set of causes that moves an error from ``errors_after`` most, by its probability.
     unnoticed:
         Id of an effect that is not named → how much of it can stay unnoticed, and what it would do
-        to the location error that it shifts most; the worst three, worst first.
+        to the location error that it shifts most; first those of which a combination of parameters
+        changes no reading, then the worst three others, worst first.
     none_probability:
         That no cause of the catalogue acts of a size that the readings would show: noise, or
         structure that none of them makes. Smaller ones may act.

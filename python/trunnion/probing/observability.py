@@ -62,8 +62,8 @@ class Observability(Result):
         would do to the location error that it shifts most, in words; those that shift none by half
         its standard error are left out.
     unnoticed
-        Id of an effect that the readings show → how much of it can stay unnoticed, and what it
-        would do to the location error that it shifts most; the worst three, worst first.
+        Id of an effect of which nothing is absorbed → how much of it can stay unnoticed, and what
+        it would do to the location error that it shifts most; the worst three, worst first.
     alike
         Sets of effects of which each can take the place of the others together: pairs and larger
         sets, smallest first; none contains another.
@@ -212,6 +212,8 @@ def observability(
     shares, left = _left_after(plain, columns)
     visible = {name: left[name] for name, share in shares.items() if share > MIN_SHARE_LEFT}
     absorbed = tuple(name for name, share in shares.items() if share <= MIN_SHARE_LEFT)
+    bias = _bias(setup, plain, columns, sigma)
+    weak = _unnoticed(setup, plain, columns, sigma)
     return Observability(
         names=names,
         rank=found.rank,
@@ -221,8 +223,8 @@ def observability(
         std_errors=dict(zip(names, map(float, sigma * found.std), strict=True)),
         combinations=tuple(named_combination(names, row) for row in found.combinations),
         not_identifiable_effects=absorbed,
-        bias=_bias(setup, plain, columns, sigma),
-        unnoticed=_unnoticed(setup, plain, columns, sigma),
+        bias=bias,
+        unnoticed={k: text for k, text in weak.items() if k not in bias},
         alike=dependent_sets(visible),
         missing_columns=missing,
         share_left=shares,
