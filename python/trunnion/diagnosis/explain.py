@@ -23,6 +23,8 @@ from trunnion.diagnosis.selection import WITHIN, Found, Search, search
 from trunnion.diagnosis.structure import with_structure
 from trunnion.diagnosis.terms import (
     best_terms,
+    by_rounding,
+    holding_causes,
     one_term_score,
     promising,
     stands_for_causes,
@@ -167,7 +169,7 @@ def _explained(case: Case) -> Explanation:
         picked = []
         if unexplained or (not case.brief and stands_for_causes(case, best)):
             picked = promising(case, (extended, plain))
-            sums = sums_of_causes(case, picked, best)
+            sums = sums_of_causes(case, picked, best) | holding_causes(case, picked)
             picked = [i for i in picked if i not in sums]
             if not unexplained:
                 have_names = with_a_name(case, picked)
@@ -418,11 +420,10 @@ def _with_structure(
     d, c, plain = case.dictionary, case.candidates, case.plain
     both, searched = c, first
     if picked:
-        more = (case.term_inflation(plain) - 1.0) * d.chance(plain)
         both = c.beside(
             [d.variants(i) for i in picked],
             np.full(len(picked), d.level),
-            UNNAMED_TERM_PENALTY + more[picked],
+            UNNAMED_TERM_PENALTY + by_rounding(case, picked),
         )
         searched = search(both, plain.white, floor=case.floor, after=first)
         searched = by_probability(case, searched, tuple(picked))

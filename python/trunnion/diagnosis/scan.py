@@ -8,6 +8,7 @@ goes with.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import cast
 
 import numpy as np
@@ -131,7 +132,8 @@ class Dictionary:
     whiten: Applied to the columns, which have unit length afterwards.
     known: Dictionary with other weights, whose functions serve again where they are the same.
 
-    count: Of the terms.
+    count: Of the terms. Those in all components at once are numbered after them: what disturbs a
+        machine rarely does so along one axis.
     """
 
     def __init__(
@@ -210,8 +212,26 @@ class Dictionary:
         """What each block of columns stands for; :meth:`term` makes one of them."""
         return [said.term(number) for said in self._said for number in range(len(said))]
 
+    @cached_property
+    def at_once(self) -> list[tuple[int, ...]]:
+        """Terms that are one function in all components, of a size of its own in each."""
+        out: list[tuple[int, ...]] = []
+        for said in self._said:
+            own = [i for i, way in enumerate(said.ways) if way]
+            if len(own) > 1 and said.covariate.sequence:
+                firsts = range(said.first, said.first + len(said), len(said.ways))
+                out += [tuple(first + i for i in own) for first in firsts]
+        return out
+
+    def in_each(self, term: int) -> tuple[int, ...]:
+        """Terms of one component each that one consists of."""
+        return (term,) if term < self.count else self.at_once[term - self.count]
+
     def term(self, number: int) -> Term:
         """What a block of columns stands for."""
+        if number >= self.count:
+            each = [self.term(i) for i in self.in_each(number)]
+            return replace(each[0], component=" and ".join(x.component for x in each))
         said = next(x for x in reversed(self._said) if x.first <= number)
         return said.term(number - said.first)
 
@@ -267,7 +287,11 @@ class Dictionary:
 
     def chance(self, f: Fit) -> Floats:
         """Drop of -2 ln L that each term reaches by chance beside a fit, shape (t,)."""
-        rank = np.maximum(self.of_fit(f)[1], 1)
+        return self.chance_of(self.of_fit(f)[1])
+
+    def chance_of(self, rank: Integers) -> Floats:
+        """The same of terms that add so many columns, shape (t,)."""
+        rank = np.maximum(rank, 1)
         of_rank = special.chdtri(np.arange(1, rank.max(initial=1) + 1), self.level)
         return np.asarray(of_rank[rank - 1], dtype=np.float64)
 
@@ -309,6 +333,8 @@ class Dictionary:
 
     def block(self, term: int) -> Floats:
         """Columns of a term, shape (n, k)."""
+        if term >= self.count:
+            return np.concatenate([self.block(i) for i in self.in_each(term)], axis=1)
         found = ((x, np.flatnonzero(x.numbers == term)) for x in self._parts)
         part, number = next((part, int(at[0])) for part, at in found if len(at))
         own = part.block(number)
@@ -323,6 +349,8 @@ class Dictionary:
         causes that are not there, and so would what a local error leaves of one beside it. Waves
         in places have causes of their own, of any length.
         """
+        if term >= self.count:
+            return np.concatenate([self.variants(i) for i in self.in_each(term)], axis=2)
         of = self.term(term)
         along = next(v for v in self._covariates if v.name == of.covariate)
         if of.kind != "local" and (of.kind != "wave" or not along.sequence):

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from trunnion.base.statistics import MANY_ROWS
-from trunnion.base.units import Floats
+from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.columns import inners
+from trunnion.diagnosis.evidence import TO_WEIGH
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.functions import DEPENDENT
 from trunnion.diagnosis.scan import UNNAMED_TERM_PENALTY, Term
@@ -40,27 +41,30 @@ def one_term_score(case: Case, plain: Fit) -> float:
 
 
 def stands_for_causes(case: Case, best: Found) -> bool:
-    """Whether one term explains more than a set, or about what several of its causes do together.
+    """Whether one term may be there instead of some causes of a set, or of all: it is weighed then.
 
     Causes that add up to a cubic none of them makes are a cubic, perhaps.
     """
     count = len(best.blocks)
-    if count < 2:
+    if count < 1:
         return False
-    if one_term_score(case, case.plain) < best.score:
-        return True
-    c, plain = case.candidates, case.plain
+    c, plain, d = case.candidates, case.plain, case.dictionary
     parts = _parts(case, best, plain.white)
-    every = (itertools.combinations(range(count), k) for k in range(2, count + 1))
+    unmade = plain.white - np.sum(parts, axis=0)
+    every = (itertools.combinations(range(count), k) for k in range(1, count + 1))
     together = list(itertools.islice(itertools.chain.from_iterable(every), MAX_SUMS))
-    sums = np.stack([np.sum([parts[i] for i in some], axis=0) for some in together], axis=1)
+    sums = np.stack([unmade + sum(parts[i] for i in some) for some in together], axis=1)
     paid = np.array([sum(c.penalty[best.blocks[i]] for i in some) for some in together])
-    gain, rank = case.dictionary.gains(sums, plain.basis)
-    gain = case.dictionary.refined(gain, sums, plain.basis)
-    left = np.einsum("ij,ij->j", sums, sums) - gain
-    worse = left / case.floor.noise(best.rss, plain.dof) - paid
-    worse += term_penalty(case, plain)[:, None]
-    return bool(np.any(worse[rank > 0] < 2 * WITHIN))
+    gain, rank = d.gains(sums, plain.basis)
+    gain = d.refined(gain, sums, plain.basis)
+    squares, dof = np.einsum("ij,ij->j", sums, sums), plain.dof
+    penalty = term_penalty(case, plain)
+    for own, columns, price in ((gain, rank, penalty), _at_once(case, plain, gain, rank)):
+        left = np.maximum(squares - own, MIN_LEFT * plain.rss)
+        worse = case.floor.deviance(left, dof) - case.floor.deviance(best.rss, dof)
+        if np.any((worse - paid + price[:, None])[columns > 0] < TO_WEIGH):
+            return True
+    return False
 
 
 def _parts(case: Case, f: Found, whole: Floats) -> list[Floats]:
@@ -81,15 +85,46 @@ def _sizes(case: Case, f: Found, columns: Sequence[Floats], whole: Floats) -> li
     return np.split(sizes, np.cumsum([len(x) for x in columns])[:-1])
 
 
-def _evidence(case: Case, f: Fit) -> Floats:
-    """Drop of -2 ln L of each term less its penalty."""
-    d = case.dictionary
-    gain, rank = d.of_fit(f)
+def _evidence(case: Case, f: Fit, gain: Floats, rank: Integers, penalty: Floats) -> Floats:
+    """Drop of -2 ln L of terms less their penalties, shapes (t,)."""
     left = np.maximum(f.rss - gain, MIN_LEFT * f.rss)
     drop = case.floor.deviance(f.rss, f.dof) - case.floor.deviance(left, f.dof)
-    value = np.where(rank > 0, drop - term_penalty(case, f), -np.inf)
+    value = np.where(rank > 0, drop - penalty, -np.inf)
     # Terms that say the same are ordered by the dictionary, not by rounding.
     return np.asarray(np.round(value, SCORE_DIGITS))
+
+
+def _of_each(case: Case, f: Fit) -> Floats:
+    """Evidence of each term beside a fit, (t,)."""
+    return _evidence(case, f, *case.dictionary.of_fit(f), term_penalty(case, f))
+
+
+def _of_all(case: Case, f: Fit) -> Floats:
+    """Evidence of each term in all components at once beside a fit, (s,)."""
+    return _evidence(case, f, *_at_once(case, f, *case.dictionary.of_fit(f)))
+
+
+def _at_once(case: Case, f: Fit, gain: Floats, rank: Integers) -> tuple[Floats, Integers, Floats]:
+    """Gains, ranks and penalties of terms in all components at once, of those of each (t, ...).
+
+    About: as if what the components make were orthogonal beside a fit.
+    """
+    d, several = case.dictionary, case.dictionary.at_once
+    if not several:
+        return gain[:0], rank[:0], np.zeros(0)
+    members, first = np.concatenate(several), np.cumsum([0, *map(len, several[:-1])])
+    gain, rank = (np.add.reduceat(x[members], first, axis=0) for x in (gain, rank))
+    more = np.maximum.reduceat(case.term_inflation(f)[members], first)
+    return gain, rank, d.chance_of(rank) * more + UNNAMED_TERM_PENALTY
+
+
+def by_rounding(case: Case, terms: Sequence[int]) -> Floats:
+    """What terms gain more by rounding than by noise beside the plain model, of -2 ln L (t,)."""
+    d, plain = case.dictionary, case.plain
+    factor, rank = case.term_inflation(plain), d.of_fit(plain)[1]
+    members = [list(d.in_each(i)) for i in terms]
+    more = np.array([factor[own].max() - 1.0 for own in members])
+    return np.asarray(more * d.chance_of(np.array([rank[own].sum() for own in members])))
 
 
 def _directions(case: Case, term: int) -> Floats:
@@ -113,22 +148,43 @@ def _smooth(case: Case, term: int) -> int | None:
 def with_a_name(case: Case, terms: Sequence[int]) -> set[int]:
     """Terms that a cause alone makes: readings that show them show the cause.
 
-    Or, beside what is linear, all that any smooth function of their quantity makes.
+    Or, beside what is linear, all that any smooth function of their quantity makes. One of no more
+    columns has to make just that: a jump nearly is a drift, and readings tell which of the two.
     """
     if not terms:
         return set()
     c, basis = case.candidates, case.plain.basis
     rows = [_directions(case, term).T for term in terms]
     gains = c.gains(np.concatenate(rows).T)[np.isfinite(c.penalty)]
+    rank = c.rank[np.isfinite(c.penalty)]
     each = np.split(gains, np.cumsum([len(x) for x in rows])[:-1], axis=1)
     found = {
         term
         for term, own, made in zip(terms, rows, each, strict=True)
-        if not len(own) or made.mean(axis=1).max(initial=0.0) > SAME**2
+        if not len(own)
+        or np.any(made.mean(axis=1) > np.where(rank > len(own), SAME**2, 1.0 - SAME_SHARE))
     }
-    smooth = {i: k for i in terms if i not in found and (k := _smooth(case, i)) is not None}
-    made_by_one = {k for k in set(smooth.values()) if c.makes_any(case.dictionary.block(k), basis)}
-    return found | {term for term, k in smooth.items() if k in made_by_one}
+    in_each = {i: case.dictionary.in_each(i) for i in terms if i not in found}
+    smooth = {k: _smooth(case, k) for every in in_each.values() for k in every}
+    widest = {k for k in smooth.values() if k is not None}
+    made_by_one = {k for k in widest if c.makes_any(case.dictionary.block(k), basis)}
+    return found | {i for i, every in in_each.items() if {smooth[k] for k in every} <= made_by_one}
+
+
+def holding_causes(case: Case, terms: Sequence[int]) -> set[int]:
+    """Terms in all components at once that have a cause in them: they would take its place.
+
+    A polynomial of time in X and Y is a drift of X, too, beside what else it is.
+    """
+    c, found = case.candidates, set[int]()
+    for term in terms:
+        if term >= case.dictionary.count:
+            own = _directions(case, term)
+            less = np.isfinite(c.penalty) & (c.rank < own.shape[1])
+            made = c.gains(own).sum(axis=1)
+            if np.any((made > SAME**2 * c.rank)[less]):
+                found.add(term)
+    return found
 
 
 def sums_of_causes(case: Case, terms: Sequence[int], best: Found) -> set[int]:
@@ -166,24 +222,28 @@ def sums_of_causes(case: Case, terms: Sequence[int], best: Found) -> set[int]:
 
 
 def promising(case: Case, fits: Sequence[Fit]) -> list[int]:
-    """Terms with the most evidence under each fit, two at most of a covariate and kind."""
-    picked: list[int] = []
+    """Terms with the most evidence under each fit, two at most of a covariate and kind.
+
+    And as many in all components at once.
+    """
+    d, picked = case.dictionary, list[int]()
     for f in fits:
-        per: dict[tuple[str, str], int] = {}
-        for i in map(int, np.argsort(-_evidence(case, f), kind="stable")):
-            term = case.dictionary.term(i)
-            key = (term.covariate, term.kind)
-            if per.get(key, 0) < 2 and i not in picked:
-                per[key] = per.get(key, 0) + 1
-                picked.append(i)
-            if sum(per.values()) >= MAX_TERMS:
-                break
+        for begun, value in ((0, _of_each(case, f)), (d.count, _of_all(case, f))):
+            per: dict[tuple[str, str], int] = {}
+            for i in map(int, begun + np.argsort(-value, kind="stable")):
+                term = d.term(i)
+                key = (term.covariate, term.kind)
+                if per.get(key, 0) < 2 and i not in picked:
+                    per[key] = per.get(key, 0) + 1
+                    picked.append(i)
+                if sum(per.values()) >= MAX_TERMS:
+                    break
     return picked
 
 
 def best_terms(case: Case, fitted: Fit) -> list[tuple[Term, float]]:
     """Terms that explain the unnamed part about as well, one a quantity, best first."""
-    d, value = case.dictionary, _evidence(case, fitted)
+    d, value = case.dictionary, _of_each(case, fitted)
     gain, _ = d.of_fit(fitted)
     found: dict[str, tuple[Term, float]] = {}
     for i in map(int, np.argsort(-value, kind="stable")):

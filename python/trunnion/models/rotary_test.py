@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -163,7 +164,7 @@ class RotaryTestModel(Model):
         spread.append(Covariate("order of measurement", np.arange(len(data)), sequence=True))
         return tuple(replace(c, values=np.repeat(c.values, self._each)) for c in spread)
 
-    @property
+    @cached_property
     def components(self) -> Mapping[str, Floats]:
         """A displacement of the tool's point along X, Y, Z of the machine and of the table.
 
