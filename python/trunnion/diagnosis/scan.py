@@ -371,7 +371,8 @@ class Dictionary:
         if along.known is not None:
             columns = columns * along.known
         white = np.asarray(self._whiten(columns.transpose(2, 0, 1)))[self._rows]
-        return np.asarray((white / np.linalg.norm(white, axis=0)).transpose(1, 0, 2))
+        size = np.linalg.norm(white, axis=0)
+        return np.asarray((white / np.where(size > 0, size, 1.0)).transpose(1, 0, 2))
 
     def refined(self, gain: Floats, r: Floats, basis: Floats) -> Floats:
         """Gains (t, s) for residuals (n, s), that of the best local error at its best variant.
