@@ -27,6 +27,7 @@ from trunnion.diagnosis.terms import (
     holding_causes,
     one_term_score,
     promising,
+    stands_at_once,
     stands_for_causes,
     sums_of_causes,
     with_a_name,
@@ -166,14 +167,7 @@ def _explained(case: Case) -> Explanation:
             terms = best_terms(case, extended)
     elif not case.exact(extended) and not case.rounds_to_readings(extended):
         unexplained = alarm_scan.p < SCAN_LEVEL and alarm_scan.holds(SCAN_LEVEL)
-        picked = []
-        if unexplained or (not case.brief and stands_for_causes(case, best)):
-            picked = promising(case, (extended, plain))
-            sums = sums_of_causes(case, picked, best) | holding_causes(case, picked)
-            picked = [i for i in picked if i not in sums]
-            if not unexplained:
-                have_names = with_a_name(case, picked)
-                picked = [i for i in picked if i not in have_names]
+        picked = _competing(case, best, extended, unexplained)
         asked = unexplained or (demanded and not case.brief)
         weighed = asked and not chances.search.more
         smooth = processes(case, best) if weighed else []
@@ -408,6 +402,22 @@ def _expand(c: Candidates, f: Found) -> list[dict[int, int]]:
 
 
 # --- structure without a name
+
+
+def _competing(case: Case, best: Found, extended: Fit, unexplained: bool) -> list[int]:
+    """Terms that compete with the causes: what may be there instead of them, or all beside them.
+
+    ``unexplained``: the fit of the best set leaves structure, which a named cause may also make.
+    """
+    each, at_once = (
+        unexplained or (not case.brief and may_stand(case, best))
+        for may_stand in (stands_for_causes, stands_at_once)
+    )
+    picked = promising(case, (extended, case.plain), each=each, at_once=at_once)
+    no_more = sums_of_causes(case, picked, best) | holding_causes(case, picked)
+    if not unexplained:
+        no_more |= with_a_name(case, picked)
+    return [i for i in picked if i not in no_more]
 
 
 def _with_structure(

@@ -9,7 +9,6 @@ from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.columns import inners
-from trunnion.diagnosis.evidence import TO_WEIGH
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.functions import DEPENDENT
 from trunnion.diagnosis.scan import UNNAMED_TERM_PENALTY, Term
@@ -41,30 +40,51 @@ def one_term_score(case: Case, plain: Fit) -> float:
 
 
 def stands_for_causes(case: Case, best: Found) -> bool:
-    """Whether one term may be there instead of some causes of a set, or of all: it is weighed then.
+    """Whether one term explains more than a set, or about what several of its causes do together.
 
     Causes that add up to a cubic none of them makes are a cubic, perhaps.
     """
-    count = len(best.blocks)
-    if count < 1:
+    if len(best.blocks) < 2:
         return False
-    c, plain, d = case.candidates, case.plain, case.dictionary
-    parts = _parts(case, best, plain.white)
-    unmade = plain.white - np.sum(parts, axis=0)
-    every = (itertools.combinations(range(count), k) for k in range(1, count + 1))
-    together = list(itertools.islice(itertools.chain.from_iterable(every), MAX_SUMS))
-    sums = np.stack([unmade + sum(parts[i] for i in some) for some in together], axis=1)
-    paid = np.array([sum(c.penalty[best.blocks[i]] for i in some) for some in together])
+    if one_term_score(case, case.plain) < best.score:
+        return True
+    plain, d = case.plain, case.dictionary
+    sums, paid = _sums(case, best, 2)
     gain, rank = d.gains(sums, plain.basis)
     gain = d.refined(gain, sums, plain.basis)
+    left = np.einsum("ij,ij->j", sums, sums) - gain
+    worse = left / case.floor.noise(best.rss, plain.dof) - paid
+    worse += term_penalty(case, plain)[:, None]
+    return bool(np.any(worse[rank > 0] < 2 * WITHIN))
+
+
+def stands_at_once(case: Case, best: Found) -> bool:
+    """Whether a term in all components at once may be there instead of some causes of a set.
+
+    Or of one: no term of one component says what such a term does, so that causes of the other
+    components would say the rest.
+    """
+    d, plain = case.dictionary, case.plain
+    if not (best.blocks and d.at_once):
+        return False
+    sums, paid = _sums(case, best, 1)
+    sums += (plain.white - np.sum(_parts(case, best, plain.white), axis=0))[:, None]
+    gain, rank, penalty = _at_once(case, plain, *d.gains(sums, plain.basis))
     squares, dof = np.einsum("ij,ij->j", sums, sums), plain.dof
-    penalty = term_penalty(case, plain)
-    for own, columns, price in ((gain, rank, penalty), _at_once(case, plain, gain, rank)):
-        left = np.maximum(squares - own, MIN_LEFT * plain.rss)
-        worse = case.floor.deviance(left, dof) - case.floor.deviance(best.rss, dof)
-        if np.any((worse - paid + price[:, None])[columns > 0] < TO_WEIGH):
-            return True
-    return False
+    left = np.maximum(squares - gain, MIN_LEFT * plain.rss)
+    worse = case.floor.deviance(left, dof) - case.floor.deviance(best.rss, dof)
+    return bool(np.any((worse - paid + penalty[:, None])[rank > 0] < 2 * WITHIN))
+
+
+def _sums(case: Case, best: Found, least: int) -> tuple[Floats, Floats]:
+    """What ``least`` or more causes of a set make together, (n, s), and their penalties, (s,)."""
+    parts, count = _parts(case, best, case.plain.white), len(best.blocks)
+    every = (itertools.combinations(range(count), k) for k in range(least, count + 1))
+    together = list(itertools.islice(itertools.chain.from_iterable(every), MAX_SUMS))
+    sums = np.stack([np.sum([parts[i] for i in some], axis=0) for some in together], axis=1)
+    penalty = case.candidates.penalty
+    paid = np.array([sum(penalty[best.blocks[i]] for i in some) for some in together])
+    return sums, paid
 
 
 def _parts(case: Case, f: Found, whole: Floats) -> list[Floats]:
@@ -148,8 +168,9 @@ def _smooth(case: Case, term: int) -> int | None:
 def with_a_name(case: Case, terms: Sequence[int]) -> set[int]:
     """Terms that a cause alone makes: readings that show them show the cause.
 
-    Or, beside what is linear, all that any smooth function of their quantity makes. One of no more
-    columns has to make just that: a jump nearly is a drift, and readings tell which of the two.
+    Or, beside what is linear, all that any smooth function of their quantity makes. Of a term in
+    all components at once a cause of no more columns has to make just that: a knock nearly is a
+    drift, and what it does to each component tells which of the two.
     """
     if not terms:
         return set()
@@ -158,12 +179,12 @@ def with_a_name(case: Case, terms: Sequence[int]) -> set[int]:
     gains = c.gains(np.concatenate(rows).T)[np.isfinite(c.penalty)]
     rank = c.rank[np.isfinite(c.penalty)]
     each = np.split(gains, np.cumsum([len(x) for x in rows])[:-1], axis=1)
-    found = {
-        term
-        for term, own, made in zip(terms, rows, each, strict=True)
-        if not len(own)
-        or np.any(made.mean(axis=1) > np.where(rank > len(own), SAME**2, 1.0 - SAME_SHARE))
-    }
+    found = set[int]()
+    for term, own, made in zip(terms, rows, each, strict=True):
+        nearly = (rank > len(own)) | (term < case.dictionary.count)
+        least = np.where(nearly, SAME**2, 1.0 - SAME_SHARE)
+        if not len(own) or np.any(made.mean(axis=1) > least):
+            found.add(term)
     in_each = {i: case.dictionary.in_each(i) for i in terms if i not in found}
     smooth = {k: _smooth(case, k) for every in in_each.values() for k in every}
     widest = {k for k in smooth.values() if k is not None}
@@ -221,14 +242,16 @@ def sums_of_causes(case: Case, terms: Sequence[int], best: Found) -> set[int]:
     return found
 
 
-def promising(case: Case, fits: Sequence[Fit]) -> list[int]:
+def promising(case: Case, fits: Sequence[Fit], *, each: bool, at_once: bool) -> list[int]:
     """Terms with the most evidence under each fit, two at most of a covariate and kind.
 
-    And as many in all components at once.
+    Those of one component where ``each``, and as many in all at once where ``at_once``.
     """
     d, picked = case.dictionary, list[int]()
+    ways = [(0, _of_each)] * each + [(d.count, _of_all)] * at_once
     for f in fits:
-        for begun, value in ((0, _of_each(case, f)), (d.count, _of_all(case, f))):
+        for begun, evidence in ways:
+            value = evidence(case, f)
             per: dict[tuple[str, str], int] = {}
             for i in map(int, begun + np.argsort(-value, kind="stable")):
                 term = d.term(i)
