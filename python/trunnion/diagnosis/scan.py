@@ -122,6 +122,12 @@ class _Terms:
         return Term(v.name, self.kind, self.numbers[at], self.ways[way], v.unit)
 
 
+def _several_at_once(v: Covariate) -> bool:
+    """Whether a quantity orders readings of which several are of one instant."""
+    own = v.values if v.known is None else v.values[v.known]
+    return v.sequence and 2 * len(np.unique(own)) <= len(own)
+
+
 class Dictionary:
     """All terms of a model's covariates and components, for some of its readings.
 
@@ -214,11 +220,14 @@ class Dictionary:
 
     @cached_property
     def at_once(self) -> list[tuple[int, ...]]:
-        """Terms that are one function in all components, of a size of its own in each."""
+        """Terms that are one function in all components, of a size of its own in each.
+
+        Of instruments that read several of them at an instant: a touch reads one direction.
+        """
         out: list[tuple[int, ...]] = []
         for said in self._said:
             own = [i for i, way in enumerate(said.ways) if way]
-            if len(own) > 1 and said.covariate.sequence:
+            if len(own) > 1 and _several_at_once(said.covariate):
                 firsts = range(said.first, said.first + len(said), len(said.ways))
                 out += [tuple(first + i for i in own) for first in firsts]
         return out
