@@ -27,7 +27,7 @@ from trunnion.diagnosis.terms import (
     holding_causes,
     one_term_score,
     promising,
-    stands_at_once,
+    standing_at_once,
     stands_for_causes,
     sums_of_causes,
     with_a_name,
@@ -409,11 +409,11 @@ def _competing(case: Case, best: Found, extended: Fit, unexplained: bool) -> lis
 
     ``unexplained``: the fit of the best set leaves structure, which a named cause may also make.
     """
-    each, at_once = (
-        unexplained or (not case.brief and may_stand(case, best))
-        for may_stand in (stands_for_causes, stands_at_once)
-    )
-    picked = promising(case, (extended, case.plain), each=each, at_once=at_once)
+    picked: list[int] = []
+    if unexplained or (not case.brief and stands_for_causes(case, best)):
+        picked = promising(case, (extended, case.plain), at_once=unexplained)
+    if not (unexplained or case.brief):
+        picked += standing_at_once(case, best)
     no_more = sums_of_causes(case, picked, best) | holding_causes(case, picked)
     if not unexplained:
         no_more |= with_a_name(case, picked)

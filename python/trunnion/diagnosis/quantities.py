@@ -4,7 +4,7 @@ Of several measurements each has quantities of its own, and ways of its own by w
 enters its readings: what is left of one is a function of nothing in another.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +15,7 @@ from trunnion.diagnosis.model import Covariate, Model
 from trunnion.diagnosis.smooth import polynomials
 
 MAX_ARC = 0.5  # of a turn that has polynomials: in more they jump where the angle begins anew
+PERPENDICULAR = 1e-9  # sum over the readings of an instant of products of components: rounding
 MIN_DISTINCT = 5  # values of a quantity, of which a smooth function is more than a polynomial
 
 
@@ -115,3 +116,34 @@ def _entering(components: Mapping[str, Floats], rows: Integers) -> dict[str, Flo
 def straight(v: Covariate, distinct: Floats) -> bool:
     """Whether a quantity does not come round between its least and its largest value."""
     return v.period is None or bool(distinct[-1] - distinct[0] < MAX_ARC * v.period)
+
+
+def at_an_instant(
+    v: Covariate, ways: Sequence[str], components: Mapping[str, Floats]
+) -> list[tuple[int, ...]]:
+    """Ways by which all that is read at an instant is disturbed, each complete set of them.
+
+    Components at right angles at every instant: X, Y, Z; radial, tangential, axial. None of a
+    quantity that is not in the order of measurement, or where few readings are of one instant.
+    """
+    if not v.sequence:
+        return []
+    some = np.zeros(len(v.values), dtype=bool)
+    some[slice(*(v.readings or (None,)))] = True
+    some &= True if v.known is None else v.known
+    moments, instant = np.unique(np.asarray(v.values)[some], return_inverse=True)
+    if 2 * len(moments) > len(instant):
+        return []
+    enter = [(i, np.asarray(components[way])[some]) for i, way in enumerate(ways) if way]
+    sets: list[tuple[int, ...]] = []
+    for first, x in enter:
+        if any(first in own for own in sets):
+            continue
+        together = {first: x}
+        for i, y in enter:
+            products = [np.bincount(instant, y * z) for z in together.values()]
+            if np.abs(products).max() < PERPENDICULAR:
+                together[i] = y
+        if len(together) > 1:
+            sets.append(tuple(sorted(together)))
+    return sets

@@ -32,7 +32,7 @@ from trunnion.diagnosis.functions import (
     part_of,
 )
 from trunnion.diagnosis.model import Covariate, Model
-from trunnion.diagnosis.quantities import saying, straight
+from trunnion.diagnosis.quantities import at_an_instant, saying, straight
 from trunnion.diagnosis.smooth import over_range, polynomials
 from trunnion.diagnosis.whitening import Scaling, Whiten, identity
 
@@ -120,12 +120,6 @@ class _Terms:
         at, way = divmod(number, len(self.ways))
         v = self.covariate
         return Term(v.name, self.kind, self.numbers[at], self.ways[way], v.unit)
-
-
-def _several_at_once(v: Covariate) -> bool:
-    """Whether a quantity orders readings of which several are of one instant."""
-    own = v.values if v.known is None else v.values[v.known]
-    return v.sequence and 2 * len(np.unique(own)) <= len(own)
 
 
 class Dictionary:
@@ -225,11 +219,13 @@ class Dictionary:
         Of instruments that read several of them at an instant: a touch reads one direction.
         """
         out: list[tuple[int, ...]] = []
+        components, known = self._model.components, dict[tuple[str, ...], list[tuple[int, ...]]]()
         for said in self._said:
-            own = [i for i, way in enumerate(said.ways) if way]
-            if len(own) > 1 and _several_at_once(said.covariate):
-                firsts = range(said.first, said.first + len(said), len(said.ways))
-                out += [tuple(first + i for i in own) for first in firsts]
+            key = said.covariate.name, *said.ways
+            if key not in known:
+                known[key] = at_an_instant(said.covariate, said.ways, components)
+            firsts = range(said.first, said.first + len(said), len(said.ways))
+            out += [tuple(first + i for i in own) for own in known[key] for first in firsts]
         return out
 
     def in_each(self, term: int) -> tuple[int, ...]:

@@ -58,22 +58,32 @@ def stands_for_causes(case: Case, best: Found) -> bool:
     return bool(np.any(worse[rank > 0] < 2 * WITHIN))
 
 
-def stands_at_once(case: Case, best: Found) -> bool:
-    """Whether a term in all components at once may be there instead of some causes of a set.
+def standing_at_once(case: Case, best: Found) -> list[int]:
+    """Terms in all components at once that may be there instead of some causes of a set.
 
     Or of one: no term of one component says what such a term does, so that causes of the other
-    components would say the rest.
+    components would say the rest. Likeliest first, two at most of a covariate and kind.
     """
     d, plain = case.dictionary, case.plain
     if not (best.blocks and d.at_once):
-        return False
+        return []
     sums, paid = _sums(case, best, 1)
     sums += (plain.white - np.sum(_parts(case, best, plain.white), axis=0))[:, None]
-    gain, rank, penalty = _at_once(case, plain, *d.gains(sums, plain.basis))
     squares, dof = np.einsum("ij,ij->j", sums, sums), plain.dof
-    left = np.maximum(squares - gain, MIN_LEFT * plain.rss)
-    worse = case.floor.deviance(left, dof) - case.floor.deviance(best.rss, dof)
-    return bool(np.any((worse - paid + penalty[:, None])[rank > 0] < 2 * WITHIN))
+    least = case.floor.deviance(best.rss, dof) + paid
+
+    def worse(gain: Floats, penalty: Floats) -> Floats:
+        left = np.maximum(squares - gain, MIN_LEFT * plain.rss)
+        more = np.min(case.floor.deviance(left, dof) - least, axis=1)
+        return np.asarray(more + penalty)
+
+    gain, rank, penalty = _at_once(case, plain, *d.gains(sums, plain.basis))
+    about = np.where(rank > 0, worse(gain, penalty), np.inf)
+    some = np.flatnonzero(about < 2 * WITHIN)
+    each = [np.sum((_directions(case, d.count + int(i)).T @ sums) ** 2, axis=0) for i in some]
+    value = worse(np.reshape(each, (len(some), sums.shape[1])), penalty[some])
+    order = np.argsort(value, kind="stable")
+    return _few_of_a_kind(case, d.count + some[order[value[order] < 2 * WITHIN]])
 
 
 def _sums(case: Case, best: Found, least: int) -> tuple[Floats, Floats]:
@@ -242,25 +252,32 @@ def sums_of_causes(case: Case, terms: Sequence[int], best: Found) -> set[int]:
     return found
 
 
-def promising(case: Case, fits: Sequence[Fit], *, each: bool, at_once: bool) -> list[int]:
+def promising(case: Case, fits: Sequence[Fit], *, at_once: bool) -> list[int]:
     """Terms with the most evidence under each fit, two at most of a covariate and kind.
 
-    Those of one component where ``each``, and as many in all at once where ``at_once``.
+    Those of one component and, if ``at_once``, as many in all at once.
     """
     d, picked = case.dictionary, list[int]()
-    ways = [(0, _of_each)] * each + [(d.count, _of_all)] * at_once
     for f in fits:
-        for begun, evidence in ways:
-            value = evidence(case, f)
-            per: dict[tuple[str, str], int] = {}
-            for i in map(int, begun + np.argsort(-value, kind="stable")):
-                term = d.term(i)
-                key = (term.covariate, term.kind)
-                if per.get(key, 0) < 2 and i not in picked:
-                    per[key] = per.get(key, 0) + 1
-                    picked.append(i)
-                if sum(per.values()) >= MAX_TERMS:
-                    break
+        picked += _few_of_a_kind(case, np.argsort(-_of_each(case, f), kind="stable"), picked)
+        if at_once:
+            order = d.count + np.argsort(-_of_all(case, f), kind="stable")
+            picked += _few_of_a_kind(case, order, picked)
+    return picked
+
+
+def _few_of_a_kind(case: Case, order: Integers, known: Sequence[int] = ()) -> list[int]:
+    """The first of some terms that are not known, two at most of a covariate and kind."""
+    per: dict[tuple[str, str], int] = {}
+    picked: list[int] = []
+    for i in map(int, order):
+        term = case.dictionary.term(i)
+        key = (term.covariate, term.kind)
+        if per.get(key, 0) < 2 and i not in known:
+            per[key] = per.get(key, 0) + 1
+            picked.append(i)
+        if len(picked) >= MAX_TERMS:
+            break
     return picked
 
 
