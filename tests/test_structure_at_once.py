@@ -5,11 +5,14 @@ import pytest
 
 import levels_twin as twin
 import trunnion as tn
+from power.measured_twin import make_sweep
 from trunnion.diagnosis.plain import case_of
 from trunnion.diagnosis.scan import Dictionary
-from trunnion.diagnosis.terms import holding_causes
+from trunnion.diagnosis.selection import search
+from trunnion.diagnosis.terms import holding_causes, standing_at_once
 from trunnion.models.kinds import diagnose
 from trunnion.models.levels import LevelsModel
+from trunnion.models.rotary.model import SweepModel
 
 PLACES = 20
 ROWS = 2 * PLACES
@@ -63,3 +66,32 @@ def test_a_level_that_is_knocked_is_no_drift(seed: int) -> None:
     assert d.verdict == "unexplained"
     assert not d.causes
     assert d.none_probability > 0.5
+
+
+def test_a_sweep_is_disturbed_in_the_frame_of_its_instrument_or_of_its_target() -> None:
+    """Each alone: their directions are no further ones, and their gains do not add up."""
+    model = SweepModel(tn.Sweep(**make_sweep(5, ()).columns))
+    d = Dictionary(model, np.arange(len(model.readings)))
+    assert {d.term(i).component for i in numbers(d, "jump")} == {
+        "radial and tangential and axial",
+        "X and Y and Z",
+    }
+    assert all(d.block(i).shape[1] == 3 for i in numbers(d, "jump"))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_term_stands_only_where_it_explains_what_the_causes_do(seed: int) -> None:
+    """No function of time is an error twice a turn, whatever the place of the axis explains."""
+    data = tn.Sweep(**make_sweep(seed, ("positioning_2",), 5.0, targets=1, step_deg=5.0).columns)
+    case = case_of(SweepModel(data))
+    d, white, basis = case.dictionary, case.plain.white, case.plain.basis
+    best = search(case.candidates, white, floor=case.floor).top
+    assert best.members
+    n, of_causes = len(white), best.columns
+    for i in range(d.count, d.count + len(d.at_once)):
+        columns = d.block(i)
+        both = np.concatenate([basis, columns], axis=1)
+        left = white - both @ np.linalg.lstsq(both, white, rcond=None)[0]
+        more = columns.shape[1] - of_causes
+        assert n * np.log(left @ left / best.rss) + more * np.log(n) > 10  # BIC
+    assert standing_at_once(case, best) == []

@@ -75,9 +75,10 @@ there is none), and of each named cause. *By chance*: what true probabilities wo
 first two with so many cases; only what is above is an error of the probabilities.
 
 With an unknown error stated probabilities are too high: they are of sets of the catalogue, beside
-at most one term of structure in one direction. Where the error is noticed (verdict *unexplained*)
-what that term leaves of it is explained by further causes; where it is not, causes of the catalogue
-imitate it (a level that was knocked has drifted over a kink), and no reading says otherwise.
+at most one term of structure, in one direction or in all that are read at an instant, of a size of
+its own in each. Where the error is noticed (verdict *unexplained*) what that term leaves of it is
+explained by further causes; where it is not, causes of the catalogue imitate it (a level that was
+knocked by few noises has drifted), and the readings hardly say otherwise.
 
 ![Stated and true probability](../figures/probabilities.png)
 """
