@@ -15,7 +15,7 @@ from trunnion.diagnosis.model import Covariate, Model
 from trunnion.diagnosis.smooth import polynomials
 
 MAX_ARC = 0.5  # of a turn that has polynomials: in more they jump where the angle begins anew
-PERPENDICULAR = 1e-9  # sum over the readings of an instant of products of components: rounding
+PERPENDICULAR = 1e-9  # of the sizes of components, their product at an instant: rounding
 MIN_DISTINCT = 5  # values of a quantity, of which a smooth function is more than a polynomial
 
 
@@ -141,8 +141,9 @@ def at_an_instant(
             continue
         together = {first: x}
         for i, y in enter:
-            products = [np.bincount(instant, y * z) for z in together.values()]
-            if np.abs(products).max() < PERPENDICULAR:
+            sums = [np.abs(np.bincount(instant, y * z)).max() for z in together.values()]
+            sizes = [np.abs(y).max() * np.abs(z).max() for z in together.values()]
+            if np.all(np.less(sums, PERPENDICULAR * np.array(sizes))):
                 together[i] = y
         if len(together) > 1:
             sets.append(tuple(sorted(together)))
