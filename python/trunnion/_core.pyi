@@ -31,7 +31,7 @@ _Flags: TypeAlias = npt.NDArray[np.bool_]
 _Kind: TypeAlias = Literal["linear", "moment", "duration"]
 
 # --- statistics
-__all__ += ["CauseBlocks", "CauseSet", "linear_fit"]
+__all__ += ["CauseBlocks", "CauseSet", "linear_fit", "sizes_of_sets"]
 
 def linear_fit(
     columns: _Floats, values: _Floats, hold: Sequence[bool], tolerance: float, basis: bool
@@ -77,6 +77,17 @@ class CauseBlocks:
         self, sets: Sequence[CauseSet], best: float, reach: float, many: int
     ) -> list[tuple[float, int, int, float, int]]:
         """Score, number of the set, block, sum of squares, count of columns; best first."""
+
+def sizes_of_sets(
+    sets: Sequence[Sequence[int]],
+    *,
+    rank: Sequence[int],
+    counted: Sequence[bool],
+    gram: _Floats,
+    residual: _Floats,
+    dependent: float,
+) -> tuple[_Floats, _Floats, _Floats, _Floats]:
+    """Gain and log determinant of each set; log determinant and length of each of its blocks."""
 
 _Method: TypeAlias = Literal["separating", "printed", "identified"]
 _Feedback: TypeAlias = Literal["motor", "load"]

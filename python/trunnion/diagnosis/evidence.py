@@ -25,6 +25,7 @@ a kink does, and how wide the sizes are that do so says nothing of which of them
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -33,6 +34,7 @@ from functools import cached_property
 import numpy as np
 from scipy import special
 
+from trunnion._core import sizes_of_sets
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import NAMING_LEVEL
 from trunnion.diagnosis.selection import TINY, Search
@@ -96,18 +98,10 @@ class Evidence:
         """
         s = self.search
         rank = s.c.rank.tolist()
-        by_rank: dict[tuple[int, ...], dict[tuple[int, ...], list[int]]] = {}
-        for one in sets:
-            if one not in s.at_best:
-                blocks = sorted(one, key=lambda b: rank[b])
-                by_rank.setdefault(tuple(rank[b] for b in blocks), {})[one] = blocks
-        for widths, found in by_rank.items():
-            if not widths:
-                rss = max(s.empty.core.rss, s.score.least)
-                s.at_best[()] = float(s.score.floor.deviance(rss, s.c.dof))
-            elif sum(widths) < s.c.dof - 2:
-                values = self._at_best(widths, np.array(list(found.values())))
-                s.at_best |= dict(zip(found, values.tolist(), strict=True))
+        fresh = [one for one in sets if one not in s.at_best]
+        fresh = [one for one in fresh if not one or sum(rank[b] for b in one) < s.c.dof - 2]
+        if fresh:
+            s.at_best |= dict(zip(fresh, self._at_best(fresh).tolist(), strict=True))
 
     @cached_property
     def _assumed(self) -> tuple[Floats, Floats, Floats]:
@@ -123,65 +117,61 @@ class Evidence:
         cost = np.where(free, c.penalty, 0.0)  # that of a cause which must explain may be inf
         return np.where(free, 0.0, np.sqrt(chance)), np.where(free, 0.0, own), cost
 
-    def _at_best(self, rank: tuple[int, ...], blocks: Integers) -> Floats:
-        """-2 ln of the odds of sets, at their values of the nonlinear parameters, shape (s,).
-
-        ``rank``: columns of each block of a set; ``blocks``: of each set, shape (s, k).
-        """
+    def _at_best(self, sets: Sequence[tuple[int, ...]]) -> Floats:
+        """-2 ln of the odds of sets, at their values of the nonlinear parameters, shape (s,)."""
         s, c = self.search, self.search.c
-        size, width = sum(rank), np.array(rank)
-        rss, sizes, spread = self._fitted(blocks, width)
-        sigma = np.sqrt(np.maximum(s.score.floor.noise(rss, c.dof - size), TINY))[:, None]
-        out = s.score.floor.deviance(rss, c.dof)
+        count = np.array([len(one) for one in sets])
+        blocks = np.fromiter(itertools.chain.from_iterable(sets), np.intp, count.sum())
+        of = np.repeat(np.arange(len(sets)), count)  # the set of each block
+
+        def summed(values: Floats | Integers) -> Floats:
+            return np.bincount(of, values, len(sets))
+
         least, prior, penalty = (x[blocks] for x in self._assumed)
-        out = out + np.sum(prior, axis=1)
-        out = out + np.sum(penalty, axis=1) * c.dof / (c.dof - size / 2 - 1)
-        paid = np.repeat(least > 0, width, axis=1)
-        # what has a penalty only is fitted, and stands by itself
-        both = paid[:, :, None] & paid[:, None]
-        out = out - _log_det(np.where(both, spread, np.eye(size)))
-        starts = np.cumsum(width) - width
-        for k in set(rank):
-            own = starts[width == k][:, None] + np.arange(k)
-            some = least[:, width == k] > 0
-            wide = _log_det(spread[:, own[:, :, None], own[:, None]][some])
-            length = np.linalg.norm(sizes[:, own], axis=2) / sigma
-            error, small = np.exp(wide / (2 * k)), least[:, width == k][some]
-            value = np.zeros(some.shape)
-            value[some] = wide - 2 * _log_mean_likelihood(length[some], error, k, small)
-            out = out + value.sum(axis=1)
+        rank = c.rank[blocks]
+        size, paid = summed(rank), summed(rank * (least > 0))
+        gain, together, each, length = self._sizes(sets)
+        rss = np.maximum(s.empty.core.rss - gain, s.score.least)
+        sigma = np.sqrt(np.maximum(s.score.floor.noise(rss, c.dof - size), TINY))[of]
+        out = s.score.floor.deviance(rss, c.dof) + summed(prior) - together
+        out = out + summed(penalty) * c.dof / (c.dof - size / 2 - 1)
+        worth = np.zeros(len(blocks))
+        for k in np.unique(rank[least > 0]).tolist():
+            own = (rank == k) & (least > 0)
+            error = np.exp(each[own] / (2 * k))
+            likely = _log_mean_likelihood(length[own] / sigma[own], error, k, least[own])
+            worth[own] = each[own] - 2 * likely
+        out = out + summed(worth)
         if c.stated:
-            many = zip(blocks.tolist(), rss.tolist(), strict=True)
-            out = out + [s.contradicting(one, left, size) for one, left in many]
-        return np.asarray(out + _of_unknown_noise(c.dof, paid.sum(axis=1)))
+            many = zip(sets, rss.tolist(), size.tolist(), strict=True)
+            out = out + [s.contradicting(one, left, int(wide)) for one, left, wide in many]
+        return np.asarray(out + _of_unknown_noise(c.dof, paid))
 
-    def _fitted(self, blocks: Integers, width: Integers) -> tuple[Floats, Floats, Floats]:
-        """What sets leave (s,), the sizes of their columns (s, k), and their covariance (s, k, k).
+    def _sizes(self, sets: Sequence[tuple[int, ...]]) -> tuple[Floats, Floats, Floats, Floats]:
+        """What sets explain (s,), and how closely they determine the sizes of their causes.
 
-        Of a set with columns that depend on each other none determines the sizes: as if the causes
-        changed nothing that another does.
+        Logarithms of the determinants of the covariances of these, of each set (s,), of those that
+        do not stand by themselves with a penalty only, and of each block; the lengths of the sizes
+        of each block. Blocks of all sets one after the other.
         """
         s, c = self.search, self.search.c
-        if len(width) == 1:  # the columns of a block are orthonormal
-            sizes = s.residual[c.start[blocks] + np.arange(width[0])]
-            rss = s.empty.core.rss - np.einsum("si,si->s", sizes, sizes)
-            every = np.broadcast_to(np.eye(width[0]), (*sizes.shape, width[0]))
-            return np.maximum(rss, s.score.least), sizes, every
-        used = np.unique(blocks)
-        place = np.concatenate([np.arange(c.start[b], c.start[b] + c.rank[b]) for b in used])
-        gram = c.gram(used.tolist())
-        starts = np.cumsum(c.rank[used]) - c.rank[used]
-        firsts = starts[np.searchsorted(used, blocks)]
-        within = np.concatenate([np.arange(k) for k in width])
-        at = np.repeat(firsts, width, axis=1) + within
-        w, u = np.linalg.eigh(gram[at[:, :, None], at[:, None]])
-        seen = w > c.dependent
-        back = (u * np.where(seen, 1.0 / np.where(seen, w, 1.0), 0.0)[:, None]) @ u.swapaxes(1, 2)
-        along = s.residual[place][at]
-        sizes = np.einsum("sij,sj->si", back, along)
-        rss = np.maximum(s.empty.core.rss - np.einsum("si,si->s", along, sizes), s.score.least)
-        back[~seen.all(axis=1)] = np.eye(len(within))
-        return rss, sizes, back
+        together = sorted({b for one in sets if len(one) > 1 for b in one})
+        used = [*together, *sorted({b for one in sets for b in one}.difference(together))]
+        columns = [c.start[b] + np.arange(c.rank[b]) for b in used]
+        every = np.concatenate([np.zeros(0, dtype=np.intp), *columns])
+        gram = np.zeros((len(every), len(every)))
+        if together:  # the columns of a block are orthonormal
+            own = c.gram(together)
+            gram[: len(own), : len(own)] = own
+        place = {b: i for i, b in enumerate(used)}
+        return sizes_of_sets(
+            [[place[b] for b in one] for one in sets],
+            rank=c.rank[used].tolist(),
+            counted=(self._assumed[0][used] > 0).tolist(),
+            gram=gram,
+            residual=s.residual[every],
+            dependent=c.dependent,
+        )
 
     @cached_property
     def _variants(self) -> tuple[Integers, Integers]:
@@ -209,14 +199,7 @@ class Evidence:
         return out
 
 
-def _log_det(a: Floats) -> Floats:
-    """Logarithms of the determinants of covariances (s, k, k)."""
-    if a.shape[1] == 1:
-        return np.asarray(np.log(np.maximum(a[:, 0, 0], TINY)))
-    return np.asarray(np.linalg.slogdet(a)[1])
-
-
-def _of_unknown_noise(dof: int, columns: Integers) -> Floats:
+def _of_unknown_noise(dof: int, columns: Floats) -> Floats:
     """What the likelihood, mean over the noise too, adds to -2 ln of that of the best noise."""
     more = dof - columns
     of_all = special.gammaln(dof / 2) - special.gammaln(more / 2)

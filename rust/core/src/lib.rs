@@ -48,6 +48,7 @@
 //! | [`touch`] | the reading of a touch, its derivative, simulation |
 //! | [`linear`] | linear least squares, what data do not identify |
 //! | [`sets`] | sets of causes: what each gains beside the others |
+//! | [`sizes`] | sizes of causes that act together |
 //! | [`identification`] | closed forms, least squares |
 //! | [`compensation`] | volumetric error, corrected commands |
 //! | [`studies`] | many virtual calibrations and compensations at once |
@@ -69,6 +70,7 @@ pub mod plan;
 pub mod pose;
 pub mod probe;
 pub mod sets;
+pub mod sizes;
 pub mod studies;
 pub mod touch;
 pub mod units;

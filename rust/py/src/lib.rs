@@ -40,7 +40,7 @@ mod _core {
     #[pymodule_export]
     use crate::linear::linear_fit;
     #[pymodule_export]
-    use crate::sets::{CauseBlocks, CauseSet};
+    use crate::sets::{CauseBlocks, CauseSet, sizes_of_sets};
 
     // --- trunnion
     #[pymodule_export]

@@ -1,8 +1,8 @@
-//! Sets of causes of [`trunnion_core::sets`].
+//! Sets of causes of [`trunnion_core::sets`], their sizes of [`trunnion_core::sizes`].
 
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
-use trunnion_core::sets;
+use trunnion_core::{sets, sizes};
 
 use crate::arrays::{array, finite, matrix_of, rows, vector, vector_with_limits};
 use crate::errors::IntoPy;
@@ -134,4 +134,38 @@ impl CauseBlocks {
         let found = found.into_py()?.into_iter();
         Ok(found.map(|one| (one.score, one.set, one.block, one.rss, one.columns)).collect())
     }
+}
+
+/// Sizes of sets of blocks (s), each as the numbers of its blocks: drop of the sum of squares (s,),
+/// logarithms of the determinants of the covariances of the sizes of their `counted` blocks (s,), and
+/// of each block of each set by itself, with the length of its sizes, set after set. `rank`, `counted`:
+/// of each block; `gram`, `residual`: inner products of their columns with each other (k, k) and with
+/// the residuals (k,).
+#[pyfunction]
+#[pyo3(signature = (sets, *, rank, counted, gram, residual, dependent))]
+#[allow(clippy::needless_pass_by_value, reason = "pyo3 extracts owned values")]
+pub fn sizes_of_sets<'py>(
+    py: Python<'py>,
+    sets: Vec<Vec<usize>>,
+    rank: Vec<usize>,
+    counted: Vec<bool>,
+    gram: PyReadonlyArray2<'py, f64>,
+    residual: PyReadonlyArray1<'py, f64>,
+    #[pyo3(from_py_with = finite)] dependent: f64,
+) -> PyResult<(
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<f64>>,
+)> {
+    let residual = vector("products with the residuals", &residual)?;
+    let gram = rows("products with each other", &gram, residual.len())?;
+    let products = sizes::Products { rank: &rank, gram: &gram, residual: &residual, dependent };
+    let found = products.sizes(&sets, &counted).into_py()?;
+    Ok((
+        array(py, found.gain)?,
+        array(py, found.together)?,
+        array(py, found.each)?,
+        array(py, found.length)?,
+    ))
 }

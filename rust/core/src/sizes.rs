@@ -1,0 +1,194 @@
+//! Sizes of causes that act together, and how closely readings determine them.
+//!
+//! A cause is a block of orthonormal columns; only inner products of columns appear. The covariance
+//! of the sizes of a set, per unit of noise, is the inverse of the Gram matrix of its columns. What
+//! is made of it, the mean likelihood of a set over all sizes, is `trunnion.diagnosis.evidence`.
+
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+
+use crate::{Error, Result};
+
+/// Some blocks of columns: their inner products with each other, and with the residuals.
+#[derive(Clone, Copy, Debug)]
+pub struct Products<'a> {
+    /// Count of the columns of each block.
+    pub rank: &'a [usize],
+    /// With each other, K × K row-major. Blocks of no set with others may have zeros.
+    pub gram: &'a [f64],
+    /// With the residuals, K.
+    pub residual: &'a [f64],
+    /// Of a squared unit column, up to which it depends on the others.
+    pub dependent: f64,
+}
+
+/// Sizes of sets, and their covariances.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Sizes {
+    /// Drop of the sum of squares by each set.
+    pub gain: Vec<f64>,
+    /// Logarithm of the determinant of the covariance of each set's sizes, of some blocks.
+    pub together: Vec<f64>,
+    /// The same of each block of each set by itself, set after set.
+    pub each: Vec<f64>,
+    /// Length of the sizes of each block, in that order.
+    pub length: Vec<f64>,
+}
+
+impl Products<'_> {
+    /// Sizes of sets of blocks, each as the numbers of its blocks; `counted`: the blocks whose sizes
+    /// [`Sizes::together`] is of.
+    ///
+    /// Of a set with columns that depend on each other none determines the sizes: as if the causes
+    /// changed nothing that another does.
+    ///
+    /// # Errors
+    /// Sizes that do not fit, a block that is not there.
+    pub fn sizes(&self, sets: &[Vec<usize>], counted: &[bool]) -> Result<Sizes> {
+        let columns: usize = self.rank.iter().sum();
+        for (what, found, expected) in [
+            ("products with each other", self.gram.len(), columns * columns),
+            ("products with the residuals", self.residual.len(), columns),
+            ("counted blocks", counted.len(), self.rank.len()),
+        ] {
+            if found != expected {
+                return Err(Error::input(what, found, expected.to_string()));
+            }
+        }
+        let blocks = self.rank.len();
+        if let Some(block) = sets.iter().flatten().find(|&&block| block >= blocks) {
+            return Err(Error::input("block", block, format!("below {blocks}")));
+        }
+        let starts: Vec<usize> = self
+            .rank
+            .iter()
+            .scan(0, |end, rank| {
+                *end += rank;
+                Some(*end - rank)
+            })
+            .collect();
+        let mut found = Sizes::default();
+        for set in sets {
+            self.add(set, &starts, counted, &mut found);
+        }
+        Ok(found)
+    }
+
+    /// Adds the sizes of a set.
+    fn add(&self, set: &[usize], starts: &[usize], counted: &[bool], found: &mut Sizes) {
+        let at: Vec<usize> =
+            set.iter().flat_map(|&b| starts[b]..starts[b] + self.rank[b]).collect();
+        let along = DVector::from_iterator(at.len(), at.iter().map(|&c| self.residual[c]));
+        let (sizes, covariance) = self.determined(set.len(), &at, &along);
+        found.gain.push(along.dot(&sizes));
+        let mut first = 0;
+        let mut some = Vec::with_capacity(at.len());
+        for &block in set {
+            let k = self.rank[block];
+            if counted[block] {
+                some.extend(first..first + k);
+            }
+            let own = covariance.view((first, first), (k, k)).into_owned();
+            found.each.push(log_det(own));
+            found.length.push(sizes.rows(first, k).norm());
+            first += k;
+        }
+        let own = if some.len() == at.len() {
+            covariance
+        } else {
+            covariance.select_columns(&some).select_rows(&some)
+        };
+        found.together.push(log_det(own));
+    }
+
+    /// Sizes of some columns, of so many blocks, and their covariance.
+    fn determined(
+        &self,
+        blocks: usize,
+        at: &[usize],
+        along: &DVector<f64>,
+    ) -> (DVector<f64>, DMatrix<f64>) {
+        let (k, columns) = (at.len(), self.residual.len());
+        if blocks < 2 {
+            return (along.clone(), DMatrix::identity(k, k)); // columns of a block are orthonormal
+        }
+        let own = DMatrix::from_fn(k, k, |i, j| self.gram[at[i] * columns + at[j]]);
+        let SymmetricEigen { eigenvectors: ways, eigenvalues } = SymmetricEigen::new(own);
+        let seen = eigenvalues.map(|w| w > self.dependent);
+        let mut weighed = ways.clone();
+        for (i, mut way) in weighed.column_iter_mut().enumerate() {
+            way *= if seen[i] { 1.0 / eigenvalues[i] } else { 0.0 };
+        }
+        let covariance = weighed * ways.transpose();
+        let sizes = &covariance * along;
+        if seen.iter().all(|seen| *seen) {
+            (sizes, covariance)
+        } else {
+            (sizes, DMatrix::identity(k, k))
+        }
+    }
+}
+
+/// Logarithm of the determinant of a covariance.
+fn log_det(covariance: DMatrix<f64>) -> f64 {
+    match covariance.nrows() {
+        0 => 0.0,
+        1 => covariance[(0, 0)].max(f64::MIN_POSITIVE).ln(),
+        _ => covariance.lu().lu_internal().diagonal().iter().map(|d| d.abs().ln()).sum(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    type Tested = std::result::Result<(), Box<dyn std::error::Error>>;
+
+    /// Blocks of two columns and of one, which has 0.6 of the first; and the same one again.
+    const GRAM: [f64; 16] =
+        [1.0, 0.0, 0.6, 0.6, 0.0, 1.0, 0.0, 0.0, 0.6, 0.0, 1.0, 1.0, 0.6, 0.0, 1.0, 1.0];
+    const OF: Products<'_> = Products {
+        rank: &[2, 1, 1],
+        gram: &GRAM,
+        residual: &[3.0, 4.0, 1.0, 1.0],
+        dependent: 1e-4,
+    };
+
+    #[test]
+    fn sizes_solve_the_normal_equations_and_a_block_alone_has_its_products() -> Tested {
+        let found = OF.sizes(&[vec![0], vec![0, 1], vec![]], &[true; 3])?;
+        // x + 0.6 z = 3, y = 4, 0.6 x + z = 1
+        let (z, x) = (-0.8 / 0.64, 3.0 + 0.6 * 0.8 / 0.64);
+        let gain = 3.0 * x + 16.0 + z;
+        let expected = [
+            (&found.gain, vec![25.0, gain, 0.0]),
+            (&found.length, vec![5.0, f64::hypot(x, 4.0), -z]),
+            (&found.each, vec![0.0, -0.64_f64.ln(), -0.64_f64.ln()]),
+            (&found.together, vec![0.0, -0.64_f64.ln(), 0.0]),
+        ];
+        for (values, truth) in expected {
+            assert_eq!(values.len(), truth.len());
+            for (value, truth) in values.iter().zip(truth) {
+                assert!((value - truth).abs() < 1e-12, "{values:?}");
+            }
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn columns_that_depend_on_each_other_determine_no_size() -> Tested {
+        let found = OF.sizes(&[vec![1, 2]], &[true; 3])?;
+        assert!((found.gain[0] - 1.0).abs() < 1e-12);
+        assert_eq!((found.together[0], found.each), (0.0, vec![0.0, 0.0]));
+        assert!((found.length[0] - 0.5).abs() < 1e-12);
+        Ok(())
+    }
+
+    #[test]
+    fn only_counted_blocks_are_in_the_covariance_together() -> Tested {
+        let found = OF.sizes(&[vec![0, 1]], &[false, true, true])?;
+        assert!((found.together[0] + 0.64_f64.ln()).abs() < 1e-12);
+        assert!(OF.sizes(&[vec![3]], &[true; 3]).is_err());
+        assert!(OF.sizes(&[], &[true; 2]).is_err());
+        Ok(())
+    }
+}
