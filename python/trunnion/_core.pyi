@@ -31,12 +31,17 @@ _Flags: TypeAlias = npt.NDArray[np.bool_]
 _Kind: TypeAlias = Literal["linear", "moment", "duration"]
 
 # --- statistics
-__all__ += ["CauseBlocks", "CauseSet", "linear_fit", "sizes_of_sets"]
+__all__ += ["CauseBlocks", "CauseSet", "gains_of_blocks", "linear_fit", "sizes_of_sets"]
 
 def linear_fit(
     columns: _Floats, values: _Floats, hold: Sequence[bool], tolerance: float, basis: bool
 ) -> tuple[_Floats, _Floats, int, _Floats, _Flags, _Flags, _Floats, _Floats, _Floats]:
     """What the fields of trunnion.base.statistics.LinearFit hold, in their order."""
+
+def gains_of_blocks(
+    gram: _Floats, basis: _Floats, residuals: _Floats, dependent: float
+) -> tuple[_Floats, _Integers]:
+    """Gains of blocks (b, s), and how many columns each adds (b,)."""
 
 @final
 class CauseSet:

@@ -19,8 +19,6 @@ from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.columns import AT_HAND, AT_ONCE, BATCH_NUMBERS, MIN_ROWS
 from trunnion.diagnosis.whitening import Whiten, identity, sizes_of
 
-DEPENDENT = 1e-4  # of a squared unit column, what the fit and the term's other columns leave
-
 
 @dataclass(frozen=True)
 class Jumps:
@@ -297,8 +295,8 @@ class Together:
         between = [np.zeros((len(part.jumps) + 1, width)) for part in self._jumps]
         for first in range(0, len(own), AT_ONCE):
             some = slice(first, first + AT_ONCE)
-            weighted = self._components[:, some].T[:, :, None] * own[some, None]
-            weighted = weighted.reshape(-1, width)
+            # each column in a row of memory: short rows cost more to go through than to multiply
+            weighted = (self._components[:, None, some] * own[some].T).reshape(width, -1).T
             if self._kept:
                 rows = np.concatenate([x.rows(some) for x in self._kept], dtype=np.float64)
                 sums += rows @ weighted
@@ -307,23 +305,3 @@ class Together:
         parts: list[Part] = [*self._kept, *self._jumps]
         each = [*(sums[a:b] for a, b in pairwise(ends)), *between]
         return {id(x): x.products(total) for x, total in zip(parts, each, strict=True)}
-
-
-def eliminated(a: Floats, z: Floats) -> tuple[Floats, Integers]:
-    """Gain and rank of blocks from what the basis leaves of their Gram matrices and products.
-
-    ``a``: (b, k, k); ``z``: (b, k, s). Pivots that depend on earlier ones are left out.
-    """
-    gain = np.zeros((len(z), z.shape[2]))
-    rank = np.zeros(len(z), dtype=np.intp)
-    for i in range(a.shape[1]):
-        pivot = a[:, i, i]
-        seen = pivot > DEPENDENT
-        inverse = np.where(seen, 1.0 / np.where(seen, pivot, 1.0), 0.0)
-        gain += z[:, i] ** 2 * inverse[:, None]
-        rank += seen
-        if i + 1 < a.shape[1]:
-            factor = a[:, i + 1 :, i] * inverse[:, None]
-            z[:, i + 1 :] -= factor[:, :, None] * z[:, None, i]
-            a[:, i + 1 :, i + 1 :] -= factor[:, :, None] * a[:, None, i, i + 1 :]
-    return gain, rank

@@ -37,7 +37,7 @@ def smooth_functions(
         turned = any(t.goes_with(x) for t in turns)
         found = made.setdefault(x.some.start, [])
         if straight(x.covariate, x.distinct) and not turned and len(found) <= most:
-            functions = polynomials(x.values, x.distinct)
+            functions = polynomials(x.distinct, x.distinct)[x.ranks]
             if x.covariate.known is not None:
                 functions = (functions.T * x.covariate.known[rows[x.some]]).T
             for c in x.enter.values():

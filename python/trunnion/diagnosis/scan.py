@@ -14,6 +14,7 @@ from typing import cast
 import numpy as np
 from scipy import special
 
+from trunnion._core import gains_of_blocks
 from trunnion.base.resolution import Floor
 from trunnion.base.rotation import cosine_sine
 from trunnion.base.statistics import MANY_ROWS
@@ -21,22 +22,21 @@ from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.columns import AT_HAND, ROUNDING, storage
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.functions import (
-    DEPENDENT,
     Jumps,
     Made,
     Part,
     Together,
     Waiting,
-    eliminated,
     made_of,
     part_of,
 )
 from trunnion.diagnosis.model import Covariate, Model
-from trunnion.diagnosis.quantities import at_an_instant, saying, straight
+from trunnion.diagnosis.quantities import Said, at_an_instant, saying, straight
 from trunnion.diagnosis.smooth import over_range, polynomials
 from trunnion.diagnosis.whitening import Scaling, Whiten, identity
 
 SCAN_LEVEL = 0.01
+DEPENDENT = 1e-4  # of a squared unit column, what the fit and the term's other columns leave
 UNNAMED_TERM_PENALTY = 10.0  # a term has to explain exp(5) times better than causes do
 MAX_CLASSES = 512
 HARMONICS = 6
@@ -46,6 +46,7 @@ WAVES_BETWEEN = np.array(
     [0.0, -0.25, -0.125, 0.125, 0.25]
 )  # over the range, around one of the scan
 JUMPS = 48
+TIMES_A_VALUE = 2  # readings of each on average, from which functions are made of values once
 WIDTHS = (1 / 4, 1 / 8, 1 / 16)  # of local errors, in turns or ranges
 STEPS_A_WIDTH = 2  # between neighbouring places of a local error
 MIN_VALUES = 2  # of a quantity within the width of a local error: there are more
@@ -250,7 +251,7 @@ class Dictionary:
         waiting: dict[tuple[int, bool, int], Waiting] = {}
         for x in saying(self._covariates, self._model.components, self._rows):
             v, enter = x.covariate, x.enter
-            for kind, numbers, f in _functions(v, x.values, x.distinct):
+            for kind, numbers, f in _functions(x):
                 if not len(f) or (x.said and kind != "jump"):
                     continue
                 ways = list(enter)[:1] if kind == "class" else list(enter)
@@ -321,12 +322,12 @@ class Dictionary:
             by_width.setdefault(part.width, []).append(part)
         if self._beside is None or self._beside[0] is not basis:
             self._beside = (basis, self._products(basis))
-        of_basis, of_several = self._beside[1], self._products(several)
+        products = self._beside[1], self._products(several)
         for parts in by_width.values():
             at = np.concatenate([x.numbers for x in parts])
-            t, z = (np.concatenate([x[id(part)] for part in parts]) for x in (of_basis, of_several))
-            a = np.concatenate([part.gram for part in parts]) - t @ t.transpose(0, 2, 1)
-            gain[at], rank[at] = eliminated(a, z)
+            every = [part.gram for part in parts], *([x[id(p)] for p in parts] for x in products)
+            gram, t, z = (np.concatenate([x.reshape(-1, x.shape[-1]) for x in xs]) for xs in every)
+            gain[at], rank[at] = gains_of_blocks(gram, t, z, DEPENDENT)
         return gain.reshape((-1, *r.shape[1:])), rank
 
     def _products(self, r: Floats) -> dict[int, Floats]:
@@ -418,18 +419,30 @@ def beside_a_term(d: Dictionary, white: Floats, basis: Floats, floor: Floor) -> 
     return float(left[best]), dof - int(rank[best])
 
 
-def _functions(
-    v: Covariate, values: Floats, distinct: Floats
-) -> Iterator[tuple[str, list[object], Floats | Jumps]]:
-    """Functions of one covariate, by kind and width: numbers (m,) and columns (m, k, n)."""
+def _functions(x: Said) -> Iterator[tuple[str, list[object], Floats | Jumps]]:
+    """Functions of one covariate, by kind and width: numbers (m,) and columns (m, k, n).
+
+    Of values that come again and again each is made once.
+    """
+    v, distinct = x.covariate, x.distinct
     if v.classes:
-        distinct, index, count = np.unique(values, return_inverse=True, return_counts=True)
-        if len(distinct) > 1:
+        labels, index, count = np.unique(x.values, return_inverse=True, return_counts=True)
+        if len(labels) > 1:
             # those with the most readings, in their order
             shown = np.sort(np.argsort(-count, kind="stable")[:MAX_CLASSES])
             columns = (index.reshape(-1) == shown[:, None]).astype(float)
-            yield "class", list(distinct[shown]), columns[:, None]
+            yield "class", list(labels[shown]), columns[:, None]
         return
+    few = TIMES_A_VALUE * len(distinct) < len(x.values)
+    for kind, numbers, f in _functions_at(distinct if few else x.values, x):
+        if few and not isinstance(f, Jumps):
+            f = np.take(f, x.ranks, axis=-1)
+        yield kind, numbers, f
+
+
+def _functions_at(values: Floats, x: Said) -> Iterator[tuple[str, list[object], Floats | Jumps]]:
+    """Functions of a covariate at some of its values (n,); jumps of many readings, of all."""
+    v, distinct = x.covariate, x.distinct
     if v.period is not None:
         turn = 2 * np.pi * values / v.period
         different = len(np.unique(np.round(np.mod(distinct, v.period), 9)))
@@ -441,15 +454,15 @@ def _functions(
             yield "polynomial", [k], legendre[None, :k]
     if v.period is None:
         low, high = distinct[0], distinct[-1]
-        x = over_range(values, low, high)
         waves = np.arange(1.5, min(WAVES, len(distinct) / 3), 0.5)
-        yield "wave", list((high - low) / waves), _waves(np.pi * waves, x)
+        made = _waves(np.pi * waves, over_range(values, low, high))
+        yield "wave", list((high - low) / waves), made
     if v.sequence:
         places = distinct[max(1, len(distinct) // JUMPS) :: max(1, len(distinct) // JUMPS)]
-        many = Jumps.at(values, places) if v.known is None else None
-        made = (values >= places[:, None]).astype(float)[:, None] if many is None else many
-        yield "jump", list(places), made
-    if len(values) < MANY_ROWS and len(distinct) > 1:
+        many = Jumps.at(x.values, places) if v.known is None else None
+        jumps = (values >= places[:, None]).astype(float)[:, None] if many is None else many
+        yield "jump", list(places), jumps
+    if len(x.values) < MANY_ROWS and len(distinct) > 1:
         places, widths = _places(v, distinct)
         made = local(values, places[:, None], widths[:, None], v.period)
         yield "local", list(zip(places.tolist(), widths.tolist(), strict=True)), made[:, None]

@@ -19,6 +19,7 @@ The parameters of the process itself are those of its named shape.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import cache
 
 import numpy as np
 
@@ -113,8 +114,7 @@ def _mean_squares(kept: Case, f: Fit, deviations: Floats, variance: float) -> Fl
     """
     own = deviations - f.basis @ (f.basis.T @ deviations)
     gram, along = own.T @ own / variance, own.T @ f.white / variance
-    spread, axes = np.linalg.eigh(covariances(DEGREE, 0))
-    factor = axes * np.sqrt(np.maximum(spread, 0.0))[:, None]  # (l, m, m)
+    factor = _factors()
     seen, turn = np.linalg.eigh(factor.transpose(0, 2, 1) @ gram @ factor)
     factor = factor @ turn
     seen, along = np.maximum(seen, 0.0), along @ factor  # (l, m)
@@ -133,3 +133,10 @@ def _mean_squares(kept: Case, f: Fit, deviations: Floats, variance: float) -> Fl
     scatter = np.einsum("sl,slm->lm", weight, free)
     out = np.einsum("sl,slp,slq->pq", weight, mean, mean)
     return np.asarray(out + np.sum((moves * scatter[:, None]) @ moves.transpose(0, 2, 1), axis=0))
+
+
+@cache
+def _factors() -> Floats:
+    """Return factors of the covariances of the polynomials of h, of each length, (l, m, m)."""
+    spread, axes = np.linalg.eigh(covariances(DEGREE, 0))
+    return np.asarray(axes * np.sqrt(np.maximum(spread, 0.0))[:, None])

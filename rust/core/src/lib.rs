@@ -47,6 +47,7 @@
 //! | [`plan`] | which touches, in which order; clearance |
 //! | [`touch`] | the reading of a touch, its derivative, simulation |
 //! | [`linear`] | linear least squares, what data do not identify |
+//! | [`beside`] | what blocks of columns gain beside a basis |
 //! | [`sets`] | sets of causes: what each gains beside the others |
 //! | [`sizes`] | sizes of causes that act together |
 //! | [`identification`] | closed forms, least squares |
@@ -58,6 +59,7 @@
 //! | [`contouring`] | five-axis cross-coupled control: path, servos, true errors |
 
 pub mod artefact;
+pub mod beside;
 pub mod compensation;
 pub mod effects;
 pub mod error;

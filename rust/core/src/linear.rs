@@ -14,7 +14,7 @@
 //! weakly is better left alone as a whole: [`LinearFit::directions`] are those in which a fit may
 //! move then.
 
-use nalgebra::{DMatrix, DVector, DVectorView};
+use nalgebra::{DMatrix, DVector};
 
 use crate::{Error, Result};
 
@@ -337,15 +337,22 @@ fn basis(
     out
 }
 
-/// Solves q R = row for every row, in place.
+/// Solves q R = row for every row, in place: column by column of some rows at a time, which are
+/// longer than the rows are.
 fn divide_rows(rows: &mut [f64], r: &DMatrix<f64>) {
     let rank = r.nrows();
-    for row in rows.chunks_exact_mut(rank) {
+    for some in rows.chunks_mut(CHUNK_ROWS * rank) {
+        let mut columns = DMatrix::from_row_slice(some.len() / rank, rank, some);
         for k in 0..rank {
-            let (done, rest) = row.split_at_mut(k);
-            let column = r.column(k);
-            let taken = DVectorView::from_slice(done, k).dot(&column.rows(0, k));
-            rest[0] = (rest[0] - taken) / column[k];
+            let (done, mut rest) = columns.columns_range_pair_mut(0..k, k..);
+            let mut own = rest.column_mut(0);
+            for (j, before) in done.column_iter().enumerate() {
+                own.axpy(-r[(j, k)], &before, 1.0);
+            }
+            own /= r[(k, k)];
+        }
+        for (row, found) in some.chunks_exact_mut(rank).zip(columns.row_iter()) {
+            row.iter_mut().zip(found.iter()).for_each(|(out, value)| *out = *value);
         }
     }
 }

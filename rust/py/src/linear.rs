@@ -1,10 +1,10 @@
-//! Linear least squares of [`trunnion_core::linear`].
+//! Linear least squares of [`trunnion_core::linear`], what blocks gain of [`trunnion_core::beside`].
 
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
-use trunnion_core::linear;
+use trunnion_core::{beside, linear};
 
-use crate::arrays::{array, finite, matrix, rows, vector};
+use crate::arrays::{array, finite, matrix, matrix_of, rows, vector};
 use crate::errors::IntoPy;
 
 /// Least squares of `columns` (n, p) · x = `values` (n,): solution (p,), cofactor (p, p), rank,
@@ -46,4 +46,25 @@ pub fn linear_fit<'py>(
         matrix(py, fit.directions, p)?,
         matrix(py, fit.basis, fit.rank)?,
     ))
+}
+
+/// Gains (b, s) of blocks of k columns beside a basis, and how many columns each adds (b,): by the
+/// inner products of the columns of each block with each other (b k, k), with the basis (b k, q), and
+/// with residuals (b k, s).
+#[pyfunction]
+pub fn gains_of_blocks<'py>(
+    py: Python<'py>,
+    gram: PyReadonlyArray2<'py, f64>,
+    basis: PyReadonlyArray2<'py, f64>,
+    residuals: PyReadonlyArray2<'py, f64>,
+    #[pyo3(from_py_with = finite)] dependent: f64,
+) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<usize>>)> {
+    let [width, q, s] = [&gram, &basis, &residuals].map(|given| given.as_array().ncols());
+    let gram = rows("products with each other", &gram, width)?;
+    let basis = rows("products with the basis", &basis, q)?;
+    let residuals = rows("products with residuals", &residuals, s)?;
+    let blocks =
+        beside::Beside { width, gram: &gram, basis: &basis, residuals: &residuals, dependent };
+    let (gains, ranks) = blocks.gains(q, s).into_py()?;
+    Ok((matrix_of(py, gains, ranks.len(), s)?, PyArray1::from_vec(py, ranks)))
 }
