@@ -125,7 +125,7 @@ class Evidence:
         of = np.repeat(np.arange(len(sets)), count)  # the set of each block
 
         def summed(values: Floats | Integers) -> Floats:
-            return np.bincount(of, values, len(sets))
+            return np.asarray(np.bincount(of, values, len(sets)), dtype=np.float64)
 
         least, prior, penalty = (x[blocks] for x in self._assumed)
         rank = c.rank[blocks]

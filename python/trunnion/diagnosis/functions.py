@@ -182,10 +182,10 @@ class Part(ABC):
         self.gram = self.gram.reshape(-1, k, k)
 
     def products(self, sums: Floats) -> Floats:
-        """Inner products of unit columns (m c, k, s), from those of functions with c s columns."""
+        """Inner products of unit columns (m c k, s), from those of functions with c s columns."""
         m, each, k = self.size.shape
         own = sums.reshape(m, k, each, -1).transpose(0, 2, 1, 3)
-        return np.asarray((own * self.scale[..., None]).reshape(m * each, k, -1))
+        return np.asarray((own * self.scale[..., None]).reshape(m * each * k, -1))
 
 
 class FunctionPart(Part):
@@ -262,7 +262,7 @@ class JumpPart(Part):
         """Nothing is kept."""
 
     def products(self, sums: Floats) -> Floats:
-        """Inner products of unit columns (m c, 1, s), from sums between jumps of c s columns."""
+        """Inner products of unit columns (m c, s), from sums between jumps of c s columns."""
         return super().products(self.jumps.behind(sums))
 
     def block(self, number: int) -> Floats:
@@ -285,7 +285,7 @@ class Together:
         self._jumps = [part for part in parts if isinstance(part, JumpPart)]
 
     def products(self, r: Floats) -> dict[int, Floats]:
-        """Inner products of all columns with r (n, s), (terms, k, s) of each part by its id.
+        """Inner products of all columns with r (n, s), (columns, s) of each part by its id.
 
         Some readings at a time, so that functions are made double once for all components.
         """
@@ -296,12 +296,13 @@ class Together:
         for first in range(0, len(own), AT_ONCE):
             some = slice(first, first + AT_ONCE)
             # each column in a row of memory: short rows cost more to go through than to multiply
-            weighted = (self._components[:, None, some] * own[some].T).reshape(width, -1).T
+            each = self._components[:, None, some] * own[some].T
+            weighted = each.reshape(width, each.shape[2]).T
             if self._kept:
                 rows = np.concatenate([x.rows(some) for x in self._kept], dtype=np.float64)
                 sums += rows @ weighted
             for part, total in zip(self._jumps, between, strict=True):
                 part.jumps.add(weighted, first, total)
         parts: list[Part] = [*self._kept, *self._jumps]
-        each = [*(sums[a:b] for a, b in pairwise(ends)), *between]
-        return {id(x): x.products(total) for x, total in zip(parts, each, strict=True)}
+        totals = [*(sums[a:b] for a, b in pairwise(ends)), *between]
+        return {id(x): x.products(total) for x, total in zip(parts, totals, strict=True)}

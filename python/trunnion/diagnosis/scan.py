@@ -123,6 +123,22 @@ class _Terms:
         return Term(v.name, self.kind, self.numbers[at], self.ways[way], v.unit)
 
 
+@dataclass(frozen=True)
+class _Alike:
+    """Parts of terms of k columns: numbers of the terms (t,), their inner products (t k, k)."""
+
+    parts: list[Part]
+    numbers: Integers
+    gram: Floats
+
+    @classmethod
+    def of(cls, parts: list[Part]) -> "_Alike":
+        """Put parts together."""
+        gram = np.concatenate([part.gram for part in parts])
+        numbers = np.concatenate([part.numbers for part in parts])
+        return cls(parts, numbers, gram.reshape(-1, gram.shape[2]))
+
+
 class Dictionary:
     """All terms of a model's covariates and components, for some of its readings.
 
@@ -199,7 +215,11 @@ class Dictionary:
         for part in self._parts:
             shared.setdefault((part.some.start, part.components.tobytes()), []).append(part)
         self._shared = [Together(parts) for parts in shared.values()]
-        self._beside: tuple[Floats, dict[int, Floats]] | None = None
+        by_width: dict[int, list[Part]] = {}
+        for part in self._parts:
+            by_width.setdefault(part.width, []).append(part)
+        self._alike = [_Alike.of(parts) for parts in by_width.values()]
+        self._beside: tuple[Floats, list[Floats]] | None = None
         self._known: dict[int, tuple[Fit, Floats, Integers]] = {}
 
     count = 0
@@ -317,25 +337,19 @@ class Dictionary:
         several = r.reshape(len(r), -1)
         gain = np.zeros((self.count, several.shape[1]))
         rank = np.zeros(self.count, dtype=np.intp)
-        by_width: dict[int, list[Part]] = {}
-        for part in self._parts:
-            by_width.setdefault(part.width, []).append(part)
         if self._beside is None or self._beside[0] is not basis:
             self._beside = (basis, self._products(basis))
-        products = self._beside[1], self._products(several)
-        for parts in by_width.values():
-            at = np.concatenate([x.numbers for x in parts])
-            every = [part.gram for part in parts], *([x[id(p)] for p in parts] for x in products)
-            gram, t, z = (np.concatenate([x.reshape(-1, x.shape[-1]) for x in xs]) for xs in every)
-            gain[at], rank[at] = gains_of_blocks(gram, t, z, DEPENDENT)
+        for alike, t, z in zip(self._alike, self._beside[1], self._products(several), strict=True):
+            at = alike.numbers
+            gain[at], rank[at] = gains_of_blocks(alike.gram, t, z, DEPENDENT)
         return gain.reshape((-1, *r.shape[1:])), rank
 
-    def _products(self, r: Floats) -> dict[int, Floats]:
-        """Inner products of all columns with r (n, s), (terms, k, s) of each part by its id."""
+    def _products(self, r: Floats) -> list[Floats]:
+        """Inner products of the columns of the terms of each width with r (n, s), (t k, s)."""
         found: dict[int, Floats] = {}
         for parts in self._shared:
             found |= parts.products(r)
-        return found
+        return [np.concatenate([found[id(x)] for x in alike.parts]) for alike in self._alike]
 
     def block(self, term: int) -> Floats:
         """Columns of a term, shape (n, k)."""
