@@ -19,7 +19,8 @@ from trunnion.cli import app
 from trunnion.diagnosis import candidates, explain, terms
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Values
-from trunnion.diagnosis.scan import DEPENDENT, Dictionary
+from trunnion.diagnosis.functions import DEPENDENT
+from trunnion.diagnosis.scan import Dictionary
 from trunnion.diagnosis.selection import Found
 from trunnion.diagnosis.whitening import Scaling
 from trunnion.models.touches import TouchDiagnosisModel

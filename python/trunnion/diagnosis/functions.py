@@ -14,10 +14,13 @@ from typing import Self, TypeAlias
 
 import numpy as np
 
+from trunnion._core import gains_of_blocks
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.columns import AT_HAND, AT_ONCE, BATCH_NUMBERS, MIN_ROWS
 from trunnion.diagnosis.whitening import Whiten, identity, sizes_of
+
+DEPENDENT = 1e-4  # of a squared unit column, what the fit and the term's other columns leave
 
 
 @dataclass(frozen=True)
@@ -306,3 +309,28 @@ class Together:
         parts: list[Part] = [*self._kept, *self._jumps]
         totals = [*(sums[a:b] for a, b in pairwise(ends)), *between]
         return {id(x): x.products(total) for x, total in zip(parts, totals, strict=True)}
+
+
+@dataclass(frozen=True)
+class Alike:
+    """Parts of terms of k columns: numbers of the terms (t,), their inner products (t k, k)."""
+
+    parts: Sequence[Part]
+    numbers: Integers
+    gram: Floats
+
+    @classmethod
+    def of_each_width(cls, parts: Sequence[Part]) -> "list[Alike]":
+        """Put parts of the same width together."""
+        by_width: dict[int, list[Part]] = {}
+        for part in parts:
+            by_width.setdefault(part.width, []).append(part)
+        found = []
+        for k, some in by_width.items():
+            gram = np.concatenate([part.gram for part in some]).reshape(-1, k)
+            found.append(cls(some, np.concatenate([part.numbers for part in some]), gram))
+        return found
+
+    def gains(self, basis: Floats, residuals: Floats) -> tuple[Floats, Integers]:
+        """Gains (t, s) and ranks (t,), by inner products with a basis (t k, q) and residuals."""
+        return gains_of_blocks(self.gram, basis, residuals, DEPENDENT)

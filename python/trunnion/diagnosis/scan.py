@@ -14,7 +14,6 @@ from typing import cast
 import numpy as np
 from scipy import special
 
-from trunnion._core import gains_of_blocks
 from trunnion.base.resolution import Floor
 from trunnion.base.rotation import cosine_sine
 from trunnion.base.statistics import MANY_ROWS
@@ -22,6 +21,8 @@ from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.columns import AT_HAND, ROUNDING, storage
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.functions import (
+    DEPENDENT,
+    Alike,
     Jumps,
     Made,
     Part,
@@ -36,7 +37,6 @@ from trunnion.diagnosis.smooth import over_range, polynomials
 from trunnion.diagnosis.whitening import Scaling, Whiten, identity
 
 SCAN_LEVEL = 0.01
-DEPENDENT = 1e-4  # of a squared unit column, what the fit and the term's other columns leave
 UNNAMED_TERM_PENALTY = 10.0  # a term has to explain exp(5) times better than causes do
 MAX_CLASSES = 512
 HARMONICS = 6
@@ -123,22 +123,6 @@ class _Terms:
         return Term(v.name, self.kind, self.numbers[at], self.ways[way], v.unit)
 
 
-@dataclass(frozen=True)
-class _Alike:
-    """Parts of terms of k columns: numbers of the terms (t,), their inner products (t k, k)."""
-
-    parts: list[Part]
-    numbers: Integers
-    gram: Floats
-
-    @classmethod
-    def of(cls, parts: list[Part]) -> "_Alike":
-        """Put parts together."""
-        gram = np.concatenate([part.gram for part in parts])
-        numbers = np.concatenate([part.numbers for part in parts])
-        return cls(parts, numbers, gram.reshape(-1, gram.shape[2]))
-
-
 class Dictionary:
     """All terms of a model's covariates and components, for some of its readings.
 
@@ -215,10 +199,7 @@ class Dictionary:
         for part in self._parts:
             shared.setdefault((part.some.start, part.components.tobytes()), []).append(part)
         self._shared = [Together(parts) for parts in shared.values()]
-        by_width: dict[int, list[Part]] = {}
-        for part in self._parts:
-            by_width.setdefault(part.width, []).append(part)
-        self._alike = [_Alike.of(parts) for parts in by_width.values()]
+        self._alike = Alike.of_each_width(self._parts)
         self._beside: tuple[Floats, list[Floats]] | None = None
         self._known: dict[int, tuple[Fit, Floats, Integers]] = {}
 
@@ -340,8 +321,7 @@ class Dictionary:
         if self._beside is None or self._beside[0] is not basis:
             self._beside = (basis, self._products(basis))
         for alike, t, z in zip(self._alike, self._beside[1], self._products(several), strict=True):
-            at = alike.numbers
-            gain[at], rank[at] = gains_of_blocks(alike.gram, t, z, DEPENDENT)
+            gain[alike.numbers], rank[alike.numbers] = alike.gains(t, z)
         return gain.reshape((-1, *r.shape[1:])), rank
 
     def _products(self, r: Floats) -> list[Floats]:
@@ -449,9 +429,7 @@ def _functions(x: Said) -> Iterator[tuple[str, list[object], Floats | Jumps]]:
         return
     few = TIMES_A_VALUE * len(distinct) < len(x.values)
     for kind, numbers, f in _functions_at(distinct if few else x.values, x):
-        if few and not isinstance(f, Jumps):
-            f = np.take(f, x.ranks, axis=-1)
-        yield kind, numbers, f
+        yield kind, numbers, np.take(f, x.ranks, axis=-1) if few and not isinstance(f, Jumps) else f
 
 
 def _functions_at(values: Floats, x: Said) -> Iterator[tuple[str, list[object], Floats | Jumps]]:

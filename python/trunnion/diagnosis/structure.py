@@ -17,6 +17,7 @@ from trunnion.diagnosis.effect import Effect, EffectValues, Values
 from trunnion.diagnosis.explanation import Explanation
 from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.formula import FormulaEffect
+from trunnion.diagnosis.functions import DEPENDENT
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.records import (
     MAX_WORST,
@@ -25,7 +26,7 @@ from trunnion.diagnosis.records import (
     value_in_words,
     with_unit,
 )
-from trunnion.diagnosis.scan import DEPENDENT, Term
+from trunnion.diagnosis.scan import Term
 from trunnion.diagnosis.whitening import Whiten
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate

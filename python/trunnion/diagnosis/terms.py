@@ -10,7 +10,8 @@ from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.columns import inners
 from trunnion.diagnosis.fit import Fit
-from trunnion.diagnosis.scan import DEPENDENT, UNNAMED_TERM_PENALTY, Term
+from trunnion.diagnosis.functions import DEPENDENT
+from trunnion.diagnosis.scan import UNNAMED_TERM_PENALTY, Term
 from trunnion.diagnosis.selection import SCORE_DIGITS, WITHIN, Found
 
 MAX_TERMS = 10
