@@ -91,13 +91,8 @@ mod tests {
         let gram = [1.0, 0.5, 0.5, 0.41, 1.0, 0.0, 0.0, 1.0];
         let basis = [0.6, 0.0, 0.3, 0.3, 1.0, 0.0, 0.0, 1.0];
         let residuals = [0.8, 1.6, 0.4, 0.8, 0.0, 0.0, 0.0, 0.0];
-        let blocks = Beside {
-            width: 2,
-            gram: &gram,
-            basis: &basis,
-            residuals: &residuals,
-            dependent: 1e-4,
-        };
+        let blocks =
+            Beside { width: 2, gram: &gram, basis: &basis, residuals: &residuals, dependent: 1e-4 };
         let (gains, ranks) = blocks.gains(2, 2)?;
         // The basis leaves 0.64 of the first and half of that beside it, and so of the residuals.
         assert_eq!(ranks, [2, 0]);
