@@ -48,7 +48,8 @@ impl Beside<'_> {
                     a[i * k + j] -= shared.map(|(x, y)| x * y).sum::<f64>();
                 }
             }
-            *rank = eliminate(&mut a, &mut z, self.dependent, &mut gains[block * s..][..s]);
+            let own = &mut gains[block * s..][..s];
+            *rank = eliminate(k, &mut a, &mut z, self.dependent, own);
         }
         Ok((gains, ranks))
     }
@@ -56,9 +57,8 @@ impl Beside<'_> {
 
 /// Adds to gains (s) what the pivots of a matrix (k × k) take of its right sides (k × s), and counts
 /// them.
-fn eliminate(a: &mut [f64], z: &mut [f64], dependent: f64, gains: &mut [f64]) -> usize {
-    let (k, s) = (z.len() / gains.len().max(1), gains.len());
-    let mut rank = 0;
+fn eliminate(k: usize, a: &mut [f64], z: &mut [f64], dependent: f64, gains: &mut [f64]) -> usize {
+    let (s, mut rank) = (gains.len(), 0);
     for i in 0..k {
         let pivot = a[i * k + i];
         if pivot <= dependent || pivot.is_nan() {
@@ -100,6 +100,8 @@ mod tests {
             assert!((gain - truth).abs() < 1e-12, "{gains:?}");
         }
         assert!(blocks.gains(3, 2).is_err());
+        let without = Beside { residuals: &[], ..blocks };
+        assert_eq!(without.gains(2, 0)?.1, ranks);
         Ok(())
     }
 }

@@ -337,8 +337,8 @@ fn basis(
     out
 }
 
-/// Solves q R = row for every row, in place: column by column of some rows at a time, which are
-/// longer than the rows are.
+/// Solves q R = row for every row, in place: column by column of some rows at a time, as columns of
+/// many rows are longer than a row.
 fn divide_rows(rows: &mut [f64], r: &DMatrix<f64>) {
     let rank = r.nrows();
     for some in rows.chunks_mut(CHUNK_ROWS * rank) {

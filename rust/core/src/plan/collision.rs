@@ -173,7 +173,7 @@ impl Surroundings {
         Ok(around)
     }
 
-    /// The table's own obstacle has no hull: its rim is farthest.
+    /// An obstacle without a hull (the table, what carries a ring) is as far out as the table's rim.
     fn grow_by_offset(&mut self) {
         let rim = self.rim();
         for obstacle in &mut self.obstacles {
