@@ -75,7 +75,7 @@ class Bench:
         )
 
     def step(self, step: dict[str, str]) -> dict[str, object]:
-        started, before = time.monotonic(), hal.get_value("probebench.seconds")
+        started = time.monotonic()
         moving = hal.get_value("probebench.moving")
         travelled = hal.get_value("probebench.travelled")
         said, pauses = [], []
@@ -115,7 +115,6 @@ class Bench:
         report["joints"] = [round(v, 6) for v in self.stat.joint_position[:5]]
         report |= {key: step[key] for key in ("mdi", "program") if key in step}
         report["travel"] = hal.get_value("probebench.travelled") - travelled
-        report["machine_seconds"] = hal.get_value("probebench.seconds") - before
         report["moving_seconds"] = hal.get_value("probebench.moving") - moving
         report["seconds"] = time.monotonic() - started
         report["messages"] = said

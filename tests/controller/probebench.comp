@@ -8,8 +8,7 @@ pin out float deepest "largest depth of the ball in anything, mm";
 pin out float struck_depth "largest depth reached in a contact that began outside a probing move, mm";
 pin out u32 touches "contacts that began in a probing move";
 pin in float speed = 1 "how much faster this machine is than what it stands for";
-pin out float seconds "time of the machine that it stands for";
-pin out float moving "time of that machine in which a joint moves: none of it waits for the task";
+pin out float moving "time of the machine that it stands for, while a joint moves: none of it waits for the task";
 pin out float travelled "sum of the ways of the joints, mm and deg";
 pin in bit watch "counting starts here: the axes are homed";
 option extra_setup;
@@ -118,7 +117,6 @@ FUNCTION(_) {
     static double noise = 0;
     static int began_outside = 0, stem_was = 0;
     static double last[5];
-    seconds += 1e-9 * period * speed;
     int moves = 0;
     for (int i = 0; i < 5; i++) {
         if (fabs(joint(i) - last[i]) < 100) travelled += fabs(joint(i) - last[i]);
