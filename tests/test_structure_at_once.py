@@ -87,6 +87,7 @@ def test_a_term_stands_only_where_it_explains_what_the_causes_do(seed: int) -> N
     d, white, basis = case.dictionary, case.plain.white, case.plain.basis
     best = search(case.candidates, white, floor=case.floor).top
     assert best.members
+    assert d.at_once
     n, of_causes = len(white), best.columns
     for i in range(d.count, d.count + len(d.at_once)):
         columns = d.block(i)
