@@ -3,17 +3,18 @@
 A reading in steps says that the machine and the noise of the reading together lay within half a
 step of it. Machine and noise are drawn in turn (Gibbs sampling):
 
-- with each noise given, machines lie anywhere within a body with flat sides: each parameter is
-  drawn between those of its sides that are nearest along it, which moves far where there is little
-  noise;
+- with each noise given, machines lie anywhere within a polytope: each parameter is drawn between
+  those of its faces that are nearest along it, which moves far where there is little noise;
 - with the place of each reading within its step given, machine and noise are those of a least
   squares fit, which moves far where there is much;
 - with the machine given, each noise is drawn from a normal distribution cut off where it would have
   been read as another step (the last two as in Albert and Chib 1993).
 
-Nothing is approximated but by how many are drawn: standard errors scatter by 3 %. Expectation
-propagation (:mod:`.rounded`), which finds where machines lie, makes those of few readings without
-noise too small by up to a tenth.
+With the probability of each noise given, nothing is approximated but by how many are drawn:
+standard errors scatter by 2 to 5 % for up to 1,000 readings, by 10 % for 5,000 (fewer machines
+are drawn of many readings, each nearer to the one before). Expectation propagation
+(:mod:`.rounded`), which finds where machines lie and how probable each noise is, makes standard
+errors of few readings without noise too small by up to a tenth.
 """
 
 import numpy as np
@@ -32,7 +33,9 @@ FAR = 20.0  # times what it scatters, beyond which no parameter is drawn
 SEED = 1
 
 
-def scatter(left: Floats, off: Floats, half: Floats, noises: Floats, likely: Floats) -> Floats:
+def drawn_covariance(
+    left: Floats, off: Floats, half: Floats, noises: Floats, likely: Floats
+) -> Floats:
     """Covariance of the parameters of machines that were read so, at several noises at once.
 
     Parameters
@@ -52,7 +55,8 @@ def scatter(left: Floats, off: Floats, half: Floats, noises: Floats, likely: Flo
     Returns
     -------
     numpy.ndarray
-        Mean products of the parameters, which are zero in the mean, shape (q, q).
+        Mean products of the parameters, about zero: their mean by expectation propagation, shape
+        (q, q).
     """
     rng = np.random.default_rng(SEED)
     count = int(np.clip(MAX_DRAWN // len(left), MIN_CHAINS, MAX_CHAINS))

@@ -27,7 +27,7 @@ import numpy as np
 from scipy.optimize import linprog
 from scipy.special import erfcx, log_ndtr
 
-from trunnion.base.read_alike import scatter
+from trunnion.base.read_alike import drawn_covariance
 from trunnion.base.rows import equal_rows
 from trunnion.base.units import Flags, Floats
 
@@ -97,19 +97,22 @@ class Place:
     def covariance(self) -> Floats:
         """Mean products of lengths along these, less their mean, of machines drawn, (q, q).
 
-        Where no machine is near its readings, each is as far beyond its step as its noise says, and
-        the normal distribution is right.
+        Those of the normal distribution where the mean leaves a reading further beyond its step
+        than any noise reaches: no machine is near such readings.
         """
         used, root = self.used, _root(self.normal)
         left, off = self.left[used] - self.off[used] @ self.at, self.off[used] @ root
         half = self.half[used]
         if np.any(np.abs(left) - half > OUT * self.noises.max()):
             return self.normal
-        own = scatter(left, off, half, self.noises, self.likely)
+        own = drawn_covariance(left, off, half, self.noises, self.likely)
         return np.asarray(root @ own @ root.T)
 
     def drawn(self, count: int, rng: np.random.Generator) -> Floats:
-        """How readings of some such machines differ from those of the fit, shape (n, count)."""
+        """How readings of some machines differ from those of the fit, shape (n, count).
+
+        Machines of the normal distribution, not those whose covariance is that above.
+        """
         root = _root(self.normal)
         own = root @ rng.standard_normal((len(root), count))
         return np.asarray(self.off @ (self.at[:, None] + own))
@@ -278,7 +281,8 @@ def place_of(
     tried = [share * largest for share in NOISES] if noise is None else [noise]
     found = _at_noises(readings, tried)
     noises = np.array([places.noise for places in found])
-    weight = np.exp([places.log - max(one.log for one in found) for places in found])
+    most = max(places.log for places in found)
+    weight = np.exp([places.log - most for places in found])
     if len(found) > 1:
         weight *= -np.gradient(np.sqrt(noises))
     weight /= weight.sum()

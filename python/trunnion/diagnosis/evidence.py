@@ -150,9 +150,9 @@ class Evidence:
     def _sizes(self, sets: Sequence[tuple[int, ...]]) -> tuple[Floats, Floats, Floats, Floats]:
         """What sets explain (s,), and how closely they determine the sizes of their causes.
 
-        Logarithms of the determinants of the covariances of these, of each set (s,), of those that
-        do not stand by themselves with a penalty only, and of each block; the lengths of the sizes
-        of each block. Blocks of all sets one after the other.
+        The latter as logarithms of determinants of covariances: of the sizes of each set together
+        (s,), without causes that have a penalty only, and of those of each block by itself. Last,
+        the length of the sizes of each block. Blocks of all sets one after the other.
         """
         s, c = self.search, self.search.c
         together = sorted({b for one in sets if len(one) > 1 for b in one})

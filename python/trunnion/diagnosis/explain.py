@@ -405,19 +405,20 @@ def _expand(c: Candidates, f: Found) -> list[dict[int, int]]:
 
 
 def _competing(case: Case, best: Found, extended: Fit, unexplained: bool) -> list[int]:
-    """Terms that compete with the causes: what may be there instead of them, or all beside them.
+    """Terms that compete with the causes, as they may be there instead of some or beside them.
 
-    ``unexplained``: the fit of the best set leaves structure, which a named cause may also make.
+    ``unexplained``: the fit of the best set leaves structure; what a named cause alone makes
+    competes only then.
     """
     picked: list[int] = []
     if unexplained or (not case.brief and stands_for_causes(case, best)):
         picked = promising(case, (extended, case.plain), at_once=unexplained)
     if not (unexplained or case.brief):
         picked += standing_at_once(case, best)
-    no_more = sums_of_causes(case, picked, best) | holding_causes(case, picked)
+    excluded = sums_of_causes(case, picked, best) | holding_causes(case, picked)
     if not unexplained:
-        no_more |= with_a_name(case, picked)
-    return [i for i in picked if i not in no_more]
+        excluded |= with_a_name(case, picked)
+    return [i for i in picked if i not in excluded]
 
 
 def _with_structure(

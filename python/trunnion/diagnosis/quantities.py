@@ -132,7 +132,7 @@ def at_an_instant(
     some[slice(*(v.readings or (None,)))] = True
     some &= True if v.known is None else v.known
     moments, instant = np.unique(np.asarray(v.values)[some], return_inverse=True)
-    if 2 * len(moments) > len(instant):
+    if len(instant) < max(2 * len(moments), 1):
         return []
     enter = [(i, np.asarray(components[way])[some]) for i, way in enumerate(ways) if way]
     sets: list[tuple[int, ...]] = []

@@ -307,7 +307,7 @@ def _absorbed(case: Case, candidates: Candidates, std: dict[str, float], f: Fit)
 
 
 def _with_parts(weak: Mapping[str, str], lost: Mapping[str, str]) -> dict[str, str]:
-    """Return what stays unnoticed of effects, of those absorbed in part what is absorbed, first."""
+    """Return what stays unnoticed of effects: first what is absorbed of some in part."""
     begins = f"{PARTLY_ABSORBED}: "
     parts = {
         k: f"{text.removeprefix(begins)}, unnoticed"

@@ -46,7 +46,7 @@ WAVES_BETWEEN = np.array(
     [0.0, -0.25, -0.125, 0.125, 0.25]
 )  # over the range, around one of the scan
 JUMPS = 48
-TIMES_A_VALUE = 2  # readings of each on average, from which functions are made of values once
+MAX_ALIKE = 2  # readings of a value on average: of more, functions are made once for each value
 WIDTHS = (1 / 4, 1 / 8, 1 / 16)  # of local errors, in turns or ranges
 STEPS_A_WIDTH = 2  # between neighbouring places of a local error
 MIN_VALUES = 2  # of a quantity within the width of a local error: there are more
@@ -216,9 +216,9 @@ class Dictionary:
 
     @cached_property
     def at_once(self) -> list[tuple[int, ...]]:
-        """Terms that are one function in all components, of a size of its own in each.
+        """Terms of one component each that together are one function in all components.
 
-        Of instruments that read several of them at an instant: a touch reads one direction.
+        Of a size of its own in each. None where an instant has one reading, as of a touch.
         """
         out: list[tuple[int, ...]] = []
         components, known = self._model.components, dict[tuple[str, ...], list[tuple[int, ...]]]()
@@ -231,7 +231,7 @@ class Dictionary:
         return out
 
     def in_each(self, term: int) -> tuple[int, ...]:
-        """Terms of one component each that one consists of."""
+        """Terms of one component each that a term consists of."""
         return (term,) if term < self.count else self.at_once[term - self.count]
 
     def term(self, number: int) -> Term:
@@ -404,7 +404,7 @@ def beside_a_term(d: Dictionary, white: Floats, basis: Floats, floor: Floor) -> 
     rss, dof = float(white @ white), len(white) - basis.shape[1]
     gain, rank = d.gains(white, basis)
     left = np.maximum(rss - gain, ROUNDING * rss)
-    chance = special.chdtri(np.maximum(rank, 1), d.level) + UNNAMED_TERM_PENALTY
+    chance = d.chance_of(rank) + UNNAMED_TERM_PENALTY
     worth = floor.deviance(rss, dof) - floor.deviance(left, dof) - chance
     worth[(rank < 1) | (rank >= dof)] = -np.inf
     if np.max(worth, initial=-np.inf) <= 0:
@@ -416,7 +416,7 @@ def beside_a_term(d: Dictionary, white: Floats, basis: Floats, floor: Floor) -> 
 def _functions(x: Said) -> Iterator[tuple[str, list[object], Floats | Jumps]]:
     """Functions of one covariate, by kind and width: numbers (m,) and columns (m, k, n).
 
-    Of values that come again and again each is made once.
+    Of values that come again and again each is made once, but for jumps of many readings.
     """
     v, distinct = x.covariate, x.distinct
     if v.classes:
@@ -427,7 +427,7 @@ def _functions(x: Said) -> Iterator[tuple[str, list[object], Floats | Jumps]]:
             columns = (index.reshape(-1) == shown[:, None]).astype(float)
             yield "class", list(labels[shown]), columns[:, None]
         return
-    few = TIMES_A_VALUE * len(distinct) < len(x.values)
+    few = MAX_ALIKE * len(distinct) < len(x.values)
     for kind, numbers, f in _functions_at(distinct if few else x.values, x):
         yield kind, numbers, np.take(f, x.ranks, axis=-1) if few and not isinstance(f, Jumps) else f
 

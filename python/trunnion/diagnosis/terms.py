@@ -135,9 +135,10 @@ def _of_all(case: Case, f: Fit) -> Floats:
 
 
 def _at_once(case: Case, f: Fit, gain: Floats, rank: Integers) -> tuple[Floats, Integers, Floats]:
-    """Gains, ranks and penalties of terms in all components at once, of those of each (t, ...).
+    """Gains, ranks and penalties of terms in all components at once (s, ...).
 
-    About: as if what the components make were orthogonal beside a fit.
+    From ``gain`` and ``rank`` of the terms of one component (t, ...). Approximate: as if what the
+    components make were orthogonal beside a fit.
     """
     d, several = case.dictionary, case.dictionary.at_once
     if not several:

@@ -13,7 +13,7 @@ TOLERANCE_MM = 0.01
 CORRECTION_MM = 2.0
 """Corrections of a machine are smaller; tool centre point control is further off."""
 ROUNDED_DEG = 1e-4
-"""What the control shows a rotary work offset to; less is none, and nothing to a clearance."""
+"""Rotary work offsets are shown to this: less is rounding, and matters to no clearance."""
 TURNING_PER_S = 0.05
 """Turns of the spindle in a second, as its encoder reads them, that are no noise of it."""
 BEYOND_A_TURN_DEG = 400.0

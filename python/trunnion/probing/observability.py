@@ -62,8 +62,8 @@ class Observability(Result):
         would do to the location error that it shifts most, in words; those that shift none by half
         its standard error are left out.
     unnoticed
-        Id of an effect of which nothing is absorbed → how much of it can stay unnoticed, and what
-        it would do to the location error that it shifts most; the worst three, worst first.
+        Id of an effect that is not in `bias` → how much of it can stay unnoticed, and what it would
+        do to the location error that it shifts most; those among the worst three, worst first.
     alike
         Sets of effects of which each can take the place of the others together: pairs and larger
         sets, smallest first; none contains another.
