@@ -11,8 +11,7 @@ step of it. Machine and noise are drawn in turn (Gibbs sampling):
   been read as another step (the last two as in Albert and Chib 1993).
 
 With the probability of each noise given, nothing is approximated but by how many are drawn:
-standard errors scatter by 2 to 5 % for up to 1,000 readings, by 10 % for 5,000 (fewer machines
-are drawn of many readings, each nearer to the one before). Expectation propagation
+standard errors scatter by 2 to 5 % for up to 1,000 readings. Expectation propagation
 (:mod:`.rounded`), which finds where machines lie and how probable each noise is, makes standard
 errors of few readings without noise too small by up to a tenth.
 """
@@ -22,13 +21,11 @@ from scipy.special import ndtr, ndtri
 
 from trunnion.base.units import Floats
 
-MAX_CHAINS = 32
-MIN_CHAINS = 4
-MAX_DRAWN = 1 << 16  # numbers that are drawn at a time
+CHAINS = 32
 SETTLING = 16  # rounds before machines are counted
 COUNTED = 64
 FIRST_NOISE = 0.1  # of a step, from which chains settle
-BEYOND = 1e6  # times what a parameter scatters, where a reading says nothing of it
+BEYOND = 1e9  # times what a parameter scatters, where a reading says nothing of it
 FAR = 20.0  # times what it scatters, beyond which no parameter is drawn
 SEED = 1
 
@@ -59,16 +56,15 @@ def drawn_covariance(
         (q, q).
     """
     rng = np.random.default_rng(SEED)
-    count = int(np.clip(MAX_DRAWN // len(left), MIN_CHAINS, MAX_CHAINS))
-    parts = (np.arange(count) + 0.5) / count
+    parts = (np.arange(CHAINS) + 0.5) / CHAINS
     each = noises[np.minimum(np.searchsorted(np.cumsum(likely), parts), len(noises) - 1)]
     sides, first = half[:, None], 2.0 * FIRST_NOISE * float(half.max())
     bounds = np.abs(off) > sides / BEYOND
     sizes = np.divide(1.0, off, out=np.zeros_like(off), where=bounds)
     reach = np.divide(sides, np.abs(off), out=np.full_like(off, BEYOND), where=bounds)
     back = np.linalg.pinv(off)
-    z, products = np.zeros((off.shape[1], count)), np.zeros((off.shape[1], off.shape[1]))
-    apart = np.repeat(left[:, None], count, axis=1)
+    z, products = np.zeros((off.shape[1], CHAINS)), np.zeros((off.shape[1], off.shape[1]))
+    apart = np.repeat(left[:, None], CHAINS, axis=1)
     most, least = np.empty_like(apart), np.empty_like(apart)
     for i in range(SETTLING + COUNTED):
         noise = np.maximum(each, first * 0.5**i) if i < SETTLING else each
@@ -78,9 +74,11 @@ def drawn_covariance(
             np.multiply(apart, sizes[:, j, None], out=most)
             np.subtract(most, reach[:, j, None], out=least)
             most += reach[:, j, None]
-            low = np.maximum(least.max(axis=0), -FAR - z[j])
-            high = np.minimum(most.min(axis=0), FAR - z[j])
-            moved = low + rng.random(count) * np.maximum(high - low, 0.0)
+            # A reading at its edge, but for rounding, that hardly depends on a parameter would
+            # throw it far out: where a machine is it may stay.
+            low = np.minimum(np.maximum(least.max(axis=0), -FAR - z[j]), 0.0)
+            high = np.maximum(np.minimum(most.min(axis=0), FAR - z[j]), 0.0)
+            moved = low + rng.random(CHAINS) * (high - low)
             z[j] += moved
             apart -= np.multiply(column[:, None], moved, out=most)
         # With each reading's place within its step given, noise and machine make up the rest.
@@ -89,7 +87,7 @@ def drawn_covariance(
         apart += beside - off @ more
         if i >= SETTLING:
             products += z @ z.T
-    return products / (COUNTED * count)
+    return products / (COUNTED * CHAINS)
 
 
 def _noise_within(apart: Floats, sides: Floats, noise: Floats, rng: np.random.Generator) -> Floats:

@@ -38,6 +38,7 @@ NOISES_OF_SETS = (0.4, 0.2, 0.1, 0.05, 0.02)
 without noise now and then, from hardly any place."""
 WIDER = 10.0  # times the standard errors of the fit, within which machines are sought
 OUT = 6.0  # noises beyond half a step, where nothing is read
+MAX_DRAWN = 1000  # readings up to which machines are drawn
 PARTS = 1000  # of an integral
 HALVED = 3  # times, spaces between noises about the likeliest
 NEAR = 0.5  # of ln P, within which noises are near enough
@@ -98,12 +99,13 @@ class Place:
         """Mean products of lengths along these, less their mean, of machines drawn, (q, q).
 
         Those of the normal distribution where the mean leaves a reading further beyond its step
-        than any noise reaches: no machine is near such readings.
+        than any noise reaches, as no machine is near such readings, and for many readings, for
+        which it is as good and machines that are drawn one after the other move slowly.
         """
         used, root = self.used, _root(self.normal)
         left, off = self.left[used] - self.off[used] @ self.at, self.off[used] @ root
         half = self.half[used]
-        if np.any(np.abs(left) - half > OUT * self.noises.max()):
+        if len(left) > MAX_DRAWN or np.any(np.abs(left) - half > OUT * self.noises.max()):
             return self.normal
         own = drawn_covariance(left, off, half, self.noises, self.likely)
         return np.asarray(root @ own @ root.T)
