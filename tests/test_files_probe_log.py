@@ -357,3 +357,28 @@ def test_one_plan_with_and_without_tool_centre_point_control(tmp_path: Path) -> 
         path.write_text(text)
         assert is_table_log(path, plan, setup) is expected
     assert len(tn.read_table_log(path, plan, setup)) == len(plan)
+
+
+@pytest.mark.parametrize(
+    ("state", "says"),
+    [
+        ("G54 210.5 148.2 -301 tool length 100 A 0.0 C 0.0 machine", ()),
+        ("G54 210.9 148.2 -301 tool length 100", ("Line 2 of touches.log: G54 was at 210.9, 148.2, -301, 0.4 mm from control.centre_mm = [210.5, 148.2, -301]", "state centre_mm = [210.9, 148.2, -301] before a compensation")),
+        ("G55 210.5 148.2 -301 tool length 100 A 0.137 C 0.0 machine", ("Line 2 of touches.log: G55 shifts A by 0.137 deg", "measure again")),
+        ("G54 210.5 148.2 -301 tool length 100 A 0.0 C 0.0 corrected", ("Line 2 of touches.log: measured with the control's corrections on", "measure without them")),
+    ],
+)  # fmt: skip
+def test_what_a_compensation_must_know_of_the_work_offset_is_said(
+    state: str, says: tuple[str, ...], plan: tn.Touches, tmp_path: Path
+) -> None:
+    """A compensation turns by the joints about centre_mm: 0.4 mm beside it would be 0.8 mm off."""
+    setup = tn.Setup(
+        tn.Artefact("cross"), control=tn.ControlSetup(centre_mm=(210.5, 148.2, -301.0))
+    )
+    path = tmp_path / "touches.log"
+    path.write_text(run(plan).replace("G54 0 0 0 tool length 100", state) + ONE + TWO)
+    read = tn.read_probe_log(path, plan, setup).recognised
+    assert read is not None
+    assert len(read.notes) == bool(says)
+    for part in says:
+        assert part in read.notes[0]

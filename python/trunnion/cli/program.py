@@ -135,7 +135,7 @@ def read_log(log: Path, plan: Touches, setup: Setup | None) -> Touches:
         # No program for this machine, or the set-up has changed since: the plan's own times.
         with contextlib.suppress(tn.InputError, tn.DataError):
             plan = plan.with_columns(time_s=tn.probing_program(plan, setup).time_s)
-    return tn.read_probe_log(log, plan)
+    return tn.read_probe_log(log, plan, setup)
 
 
 def touches(

@@ -30,6 +30,7 @@ from trunnion.data.touches import ROTARY_AXES, Touches
 from trunnion.files.columns import LARGEST, SMALLEST, parse_number
 from trunnion.files.recognised import Recognised
 from trunnion.files.text import Source, decode
+from trunnion.setup import Setup
 from trunnion.setup.control import WORK_OFFSETS
 
 NAMES = ("X", "Y", "Z", "A", "B", "C", "U", "V", "W")
@@ -64,7 +65,7 @@ def refuse_probe_log(source: Source) -> None:
 
 
 @checked
-def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
+def read_probe_log(path: str | PathLike[str], plan: Touches, setup: Setup | None = None) -> Touches:
     """Read the log of a plan's probing program: the plan with the recorded positions in it.
 
     Parameters
@@ -77,6 +78,8 @@ def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
         The plan that the program came from. Everything but the recorded position and the feed that
         it was recorded at is taken from it, commanded rotary positions and `time_s` (where
         planned) too.
+    setup
+        Its `[control] centre_mm` is where the work offset should have been.
 
     Returns
     -------
@@ -90,7 +93,9 @@ def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
         from the plan is at the same posture, but did not turn as planned: its `_dir` column is left
         out, and `recognised` says so. `recognised` says which
         measurements stand before it, which other plans the log has runs of, and which lines before
-        the first run are of none.
+        the first run are of none; and what of the work offset keeps the errors that are identified
+        from being compensated: a place that is not `centre_mm`, a rotary axis that it shifts, or
+        corrections that were on.
 
     Raises
     ------
@@ -115,7 +120,7 @@ def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
     log = Log(name, decode(name, file_bytes(path)).split("\n"))
     notes: tuple[str, ...] = ()
     if log.heads:
-        entries, notes = _numbered(log, plan)
+        entries, notes = _numbered(log, plan, None if setup is None else setup.control.centre_mm)
     else:
         entries = _in_order(log, plan)
     _check(log, entries, plan)
@@ -265,7 +270,9 @@ def _touches(count: int) -> str:
     return "touch" if count == 1 else "touches"
 
 
-def _numbered(log: Log, plan: Touches) -> tuple[list[_Entry], tuple[str, ...]]:
+def _numbered(
+    log: Log, plan: Touches, centre_mm: Sequence[float] | None
+) -> tuple[list[_Entry], tuple[str, ...]]:
     """Return the touches of the last measurement of a plan, and notes on what else there is."""
     runs, skipped = log.runs()
     ours, others = log.of_plan(runs, plan_hash(plan))
@@ -288,8 +295,10 @@ def _numbered(log: Log, plan: Touches) -> tuple[list[_Entry], tuple[str, ...]]:
         none = "got no touches, expected those of the plan"
         raise log.error(len(log.lines) - 1, 0, "; ".join((none, *before)))
     lines = {entry.line for entry in found.values()}
-    log.check_frame(run for run in ours if not lines.isdisjoint(run.touches))
-    return list(found.values()), (*skipped, *others, *before, *cut)
+    used = [run for run in ours if not lines.isdisjoint(run.touches)]
+    log.check_frame(used)
+    frame = log.said_of_frame(used[-1], centre_mm)
+    return list(found.values()), (*skipped, *others, *before, *cut, *frame)
 
 
 def _entry(log: Log, line: int, plan: Touches) -> _Entry:

@@ -63,7 +63,7 @@ def read_table_log(path: str | PathLike[str], plan: Touches, setup: Setup) -> To
     >>> head.split("hash ")[1].rstrip(")") != tn.probing_program(plan, setup).plan_hash
     True
     """
-    measured = read_probe_log(path, on_table(plan, setup))
+    measured = read_probe_log(path, on_table(plan, setup), setup)
     turn, shift = table_pose(measured, setup)
     places = {"": _turned(turn, measured.position_mm) + shift}
     places["dir_"] = _turned(turn, measured.direction)
