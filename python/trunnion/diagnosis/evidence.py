@@ -98,8 +98,11 @@ class Evidence:
         """
         s = self.search
         rank = s.c.rank.tolist()
+        if () not in s.at_best:
+            rss = max(s.empty.core.rss, s.score.least)
+            s.at_best[()] = float(s.score.floor.deviance(rss, s.c.dof))
         fresh = [one for one in sets if one not in s.at_best]
-        fresh = [one for one in fresh if not one or sum(rank[b] for b in one) < s.c.dof - 2]
+        fresh = [one for one in fresh if sum(rank[b] for b in one) < s.c.dof - 2]
         if fresh:
             s.at_best |= dict(zip(fresh, self._at_best(fresh).tolist(), strict=True))
 
