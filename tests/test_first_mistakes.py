@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
@@ -375,6 +376,9 @@ def test_a_plan_is_not_a_measurement() -> None:
     assert "is this the plan, not what was measured?" in page.summary()
     assert "0 (ball" not in page.summary()
     assert "e-" not in page.sentences()[4]
+    ticks = replace(setup, probe=replace(setup.probe, tick_um=0.0, servo_period_ms=1.0))
+    notes = " ".join(tn.identify(plan, ticks).notes)  # half a tick is taken off each of them
+    assert "is this the plan, not what was measured?" in notes
     for errors, placement, said in (
         ({}, {}, True),
         ({"EX0C": 0.5}, {}, False),

@@ -16,7 +16,7 @@ import numpy as np
 
 from trunnion._core import Moves
 from trunnion.base.errors import DataError, TrunnionError
-from trunnion.base.units import Floats, unit_of
+from trunnion.base.units import Floats
 from trunnion.data.meant import some_rows
 from trunnion.data.mistaken import FACTORS_MM, factors, of_number
 from trunnion.data.touches import Touches
@@ -25,6 +25,7 @@ from trunnion.machine.sizes import LARGE_ARCSEC, LARGE_UM, SURE_SIGMAS, TINY_UM,
 from trunnion.probing.model import (
     TouchModel,
     rounding_um,
+    ticks_um,
 )
 from trunnion.probing.result import NO_PROBE_UM, IdentificationResult
 from trunnion.probing.tick_mistakes import tick_mistakes
@@ -101,7 +102,7 @@ def likely_mistakes(
     # Where the placement is not estimated, it is in the errors.
     if result.placement is not None and not said:
         said += [*_by_size(result, setup), *_higher_or_longer(result, setup)]
-    if _as_planned(result, setup):
+    if result.placement is not None and _as_planned(data, model, moves):
         said.append(
             "Every touch lies where the set-up expects it, the placement of the artefact included: "
             "is this the plan, not what was measured?"
@@ -407,18 +408,18 @@ def _changes(data: Touches, setup: Setup) -> Iterator[tuple[str, Any, str]]:
                 yield part, other, f"with {part}.{name} = {value:g} (not {given:g})"
 
 
-def _as_planned(result: IdentificationResult, setup: Setup) -> bool:
-    """Whether all that touches show is less than the step of a command: of no machine that probed.
+def _as_planned(data: Touches, model: TouchModel, moves: Moves) -> bool:
+    """Whether every touch is where it was planned, to the step of a command: no machine does that.
 
-    Errors that the set-up states are in the plan, too.
+    Errors that the set-up states are in the plan, too; half a tick, which is taken off a touch that
+    a control has made, is not.
     """
-    if result.placement is None or setup.machine.errors:
+    setup = model.setup
+    if setup.machine.errors:
         return False
-    step = {"µm": setup.resolution.linear_um, "arcsec": setup.resolution.rotary_arcsec}
-    return result.rms_um < step["µm"] and all(
-        abs(value) < step[unit_of(name)]
-        for name, value in {**result.errors, **result.placement}.items()
-    )
+    off = np.asarray(model.core.residuals(moves, model.values()))
+    late = ticks_um(setup, data) / 2
+    return bool(np.all(np.abs(np.abs(off) - late) < setup.resolution.linear_um))
 
 
 def _scatter_um(data: Touches, setup: Setup) -> float:
