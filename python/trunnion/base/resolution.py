@@ -34,6 +34,7 @@ from trunnion.base.repeats import (
 )
 from trunnion.base.rounded import Place, place_of
 from trunnion.base.rows import equal_rows
+from trunnion.base.statistics import factor_of
 from trunnion.base.units import Flags, Floats, Integers
 
 MIN_NOISE_STEPS = 0.02  # noise of a reading, in steps, that is taken as there
@@ -395,8 +396,7 @@ def machines(
     ``scale``: step of each reading, 0: none, (n,); ``spread``: see :meth:`Grid.draws`.
     """
     free = np.flatnonzero(np.diag(covariance) > 0)
-    size, axes = np.linalg.eigh(covariance[np.ix_(free, free)])
-    root = axes * np.sqrt(np.maximum(size, 0.0))
+    root = factor_of(covariance[np.ix_(free, free)])
     off = jacobian[:, free] @ (root @ rng.standard_normal((len(free), count)))
     steps = off[scale > 0] / scale[scale > 0, None]
     off *= max(1.0, spread / max(float(np.sqrt(np.mean(steps**2))), TINY))

@@ -29,6 +29,7 @@ from scipy.special import erfcx, log_ndtr
 
 from trunnion.base.read_alike import drawn_covariance
 from trunnion.base.rows import equal_rows
+from trunnion.base.statistics import factor_of
 from trunnion.base.units import Flags, Floats
 
 NOISES = tuple((0.5 * 0.6 ** np.arange(15)).tolist())
@@ -102,7 +103,7 @@ class Place:
         than any noise reaches, as no machine is near such readings, and for many readings, for
         which it is as good and machines that are drawn one after the other move slowly.
         """
-        used, root = self.used, _root(self.normal)
+        used, root = self.used, factor_of(self.normal)
         left, off = self.left[used] - self.off[used] @ self.at, self.off[used] @ root
         half = self.half[used]
         if len(left) > MAX_DRAWN or np.any(np.abs(left) - half > OUT * self.noises.max()):
@@ -115,15 +116,9 @@ class Place:
 
         Machines of the normal distribution, not those whose covariance is that above.
         """
-        root = _root(self.normal)
+        root = factor_of(self.normal)
         own = root @ rng.standard_normal((len(root), count))
         return np.asarray(self.off @ (self.at[:, None] + own))
-
-
-def _root(covariance: Floats) -> Floats:
-    """Columns, at right angles, of which it is the product with their transpose, (q, q)."""
-    size, axes = np.linalg.eigh(covariance)
-    return np.asarray(axes * np.sqrt(np.maximum(size, 0.0)))
 
 
 @dataclass(frozen=True)

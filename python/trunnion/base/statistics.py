@@ -137,6 +137,12 @@ def spanned(columns: Floats, values: Floats, hold: Flags) -> Spanned:
         return Spanned(columns, weights)
 
 
+def factor_of(covariance: Floats) -> Floats:
+    """Columns at right angles of which a covariance is the product with their transpose, (q, q)."""
+    size, axes = np.linalg.eigh(covariance)
+    return np.asarray(axes * np.sqrt(np.maximum(size, 0.0)))
+
+
 def in_columns(columns: Floats) -> Floats:
     """Return columns, (n, k), of many rows one after the other in memory: no sum strides."""
     return np.asfortranarray(columns) if len(columns) >= MANY_ROWS else columns

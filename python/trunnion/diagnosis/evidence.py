@@ -101,8 +101,9 @@ class Evidence:
         if () not in s.at_best:
             rss = max(s.empty.core.rss, s.score.least)
             s.at_best[()] = float(s.score.floor.deviance(rss, s.c.dof))
-        fresh = [one for one in sets if one not in s.at_best]
-        fresh = [one for one in fresh if sum(rank[b] for b in one) < s.c.dof - 2]
+        fresh = [
+            one for one in sets if one not in s.at_best and sum(rank[b] for b in one) < s.c.dof - 2
+        ]
         if fresh:
             s.at_best |= dict(zip(fresh, self._at_best(fresh).tolist(), strict=True))
 
@@ -160,8 +161,7 @@ class Evidence:
         s, c = self.search, self.search.c
         together = sorted({b for one in sets if len(one) > 1 for b in one})
         used = [*together, *sorted({b for one in sets for b in one}.difference(together))]
-        columns = [c.start[b] + np.arange(c.rank[b]) for b in used]
-        every = np.concatenate([np.zeros(0, dtype=np.intp), *columns])
+        every = np.concatenate([c.start[b] + np.arange(c.rank[b]) for b in used])
         gram = np.zeros((len(every), len(every)))
         if together:  # the columns of a block are orthonormal
             own = c.gram(together)

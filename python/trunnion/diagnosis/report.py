@@ -83,9 +83,9 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     std = _errors_std(model, wide, 1.0)
     doubts, rivals = _doubts(model, of_sets, alternatives, std)
     named = set(f.effects).union(*(a.causes for a in alternatives))
-    lost = _absorbed(kept, e.candidates, std, grown)
+    lost, parts = _absorbed(kept, e.candidates, std, grown)
     others = Others.of(kept, grown, variance) if std or is_small(kept) else None
-    weak = _with_parts(unnoticed_of(kept, grown, std, others), lost)
+    weak = unnoticed_of(kept, grown, std, others)
     contributions, ladder = contributions_of(kept, case.given or plain, grown, rows)
     known = _uncertainty(kept, f, doubt, shape, sigma, variance)
     in_doubt = (*notes_of_structure(model, open_, std), *notes_of_shape(model, f, shape, std))
@@ -101,7 +101,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         errors_std=std,
         doubt=doubts,
         rivals=rivals,
-        unnoticed=weak,
+        unnoticed=parts | {k: text for k, text in weak.items() if k not in lost},
         outliers=tuple(sorted({int(r) for r in model.readings.rows[dropped]})),
         not_identifiable=_not_identifiable(case, plain, f, std) | lost,
         structure=structure_of(source, e, kept, f, wide),
@@ -266,13 +266,17 @@ def _not_identifiable(case: Case, plain: Fit, f: Fit, std: dict[str, float]) -> 
     return {k: LOST if k in lost else text for k, text in why.items()}
 
 
-def _absorbed(case: Case, candidates: Candidates, std: dict[str, float], f: Fit) -> dict[str, str]:
+def _absorbed(
+    case: Case, candidates: Candidates, std: dict[str, float], f: Fit
+) -> tuple[dict[str, str], dict[str, str]]:
     """Effects that are not identifiable, with what they would do to an error of the machine.
 
     Of others a combination of parameters may be absorbed: they are listed where it shifts an error
-    and they are not in the fit ``f``, which has no standard errors for such a combination.
+    and they are not in the fit ``f``, which has no standard errors for such a combination. How much
+    of these stays unnoticed is said a second time, by itself.
     """
-    out, plain = {}, case.plain
+    plain = case.plain
+    out, parts = dict[str, str](), dict[str, str]()
     fitted = list(zip(case.model.nuisance, map(float, f.std()), strict=False))
     machine = {**{x.name: s for x, s in fitted if x.owner is Owner.MACHINE}, **std}
     placement = {x.name: s for x, s in fitted if x.owner is Owner.PLACEMENT}
@@ -303,18 +307,8 @@ def _absorbed(case: Case, candidates: Candidates, std: dict[str, float], f: Fit)
             out[effect.id] = f"{ABSORBED}: {bias}{what}" if bias else f"{ABSORBED}: {NO_MATTER}"
         elif bias and not what:
             out[effect.id] = f"{PARTLY_ABSORBED}: {bias}"
-    return out
-
-
-def _with_parts(weak: Mapping[str, str], lost: Mapping[str, str]) -> dict[str, str]:
-    """Return what stays unnoticed of effects: first what is absorbed of some in part."""
-    begins = f"{PARTLY_ABSORBED}: "
-    parts = {
-        k: f"{text.removeprefix(begins)}, unnoticed"
-        for k, text in lost.items()
-        if text.startswith(begins)
-    }
-    return parts | {k: text for k, text in weak.items() if k not in lost}
+            parts[effect.id] = f"{bias}, unnoticed"
+    return out, parts
 
 
 def _alternatives(case: Case, e: Explanation) -> list[Alternative]:

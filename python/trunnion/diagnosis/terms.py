@@ -49,7 +49,7 @@ def stands_for_causes(case: Case, best: Found) -> bool:
     if one_term_score(case, case.plain) < best.score:
         return True
     plain, d = case.plain, case.dictionary
-    sums, paid = _sums(case, best, 2)
+    sums, paid = _sums(case, best, _parts(case, best, plain.white), 2)
     gain, rank = d.gains(sums, plain.basis)
     gain = d.refined(gain, sums, plain.basis)
     left = np.einsum("ij,ij->j", sums, sums) - gain
@@ -67,8 +67,9 @@ def standing_at_once(case: Case, best: Found) -> list[int]:
     d, plain = case.dictionary, case.plain
     if not (best.blocks and d.at_once):
         return []
-    sums, paid = _sums(case, best, 1)
-    sums += (plain.white - np.sum(_parts(case, best, plain.white), axis=0))[:, None]
+    parts = _parts(case, best, plain.white)
+    sums, paid = _sums(case, best, parts, 1)
+    sums += (plain.white - np.sum(parts, axis=0))[:, None]
     squares, dof = np.einsum("ij,ij->j", sums, sums), plain.dof
     least = case.floor.deviance(best.rss, dof) + paid
 
@@ -86,9 +87,12 @@ def standing_at_once(case: Case, best: Found) -> list[int]:
     return _few_of_a_kind(case, d.count + some[order[value[order] < 2 * WITHIN]])
 
 
-def _sums(case: Case, best: Found, least: int) -> tuple[Floats, Floats]:
-    """What ``least`` or more causes of a set make together, (n, s), and their penalties, (s,)."""
-    parts, count = _parts(case, best, case.plain.white), len(best.blocks)
+def _sums(case: Case, best: Found, parts: Sequence[Floats], least: int) -> tuple[Floats, Floats]:
+    """What ``least`` or more causes of a set make together, (n, s), and their penalties, (s,).
+
+    ``parts``: what each of them makes, (n,).
+    """
+    count = len(best.blocks)
     every = (itertools.combinations(range(count), k) for k in range(least, count + 1))
     together = list(itertools.islice(itertools.chain.from_iterable(every), MAX_SUMS))
     sums = np.stack([np.sum([parts[i] for i in some], axis=0) for some in together], axis=1)

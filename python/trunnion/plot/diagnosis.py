@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from trunnion.base.errors import InputError
+from trunnion.base.statistics import factor_of
 from trunnion.base.units import Flags, Floats, capital, parameter_words, unit_of
 from trunnion.diagnosis.model import Covariate, Model
 from trunnion.diagnosis.records import NO_CAUSE, Cause, Residuals, labelled, percent, with_unit
@@ -161,8 +162,7 @@ def root_of(d: Diagnosis, cause: Cause) -> Floats:
     model = d.model
     if isinstance(model, Estimate) and set(names) <= set(model.names):
         at = [model.names.index(name) for name in names]
-        values, vectors = np.linalg.eigh(model.covariance[np.ix_(at, at)])
-        return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+        return factor_of(model.covariance[np.ix_(at, at)])
     return np.diag(std)
 
 
