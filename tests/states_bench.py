@@ -40,12 +40,16 @@ def states(rng: np.random.Generator, centre: np.ndarray) -> dict[str, State]:
     axis = int(rng.integers(3))
     near = centre + np.eye(3)[axis] * signs * rng.uniform(1.1, 5)
     near_at = " ".join(f"{a}{v:.4f}" for a, v in zip("XYZ", near, strict=True))
+    letter, turned = str(rng.choice(("A", "C"))), rng.choice((-1, 1)) * 10 ** rng.uniform(-2, 0.5)
     return {
         "work offset off by 1.1 to 5 mm in X, Y or Z": State(
             (f"G10 L2 P1 {near_at}",), "expected .* as in the set-up"
         ),
         "work offset rotated": State(("G10 L2 P1 R1.5",), "is rotated by 1.5"),
         "work offset with C": State(("G10 L2 P1 C90",), "shifts C by 90"),
+        "work offset with 0.01 to 3.2° of A or C": State(
+            (f"G10 L2 P1 {letter}{turned:.4f}",), f"shifts {letter} by"
+        ),
         "G92": State(("G92 X3",), "a G92 offset is active"),
         "another tool": State(("T2 M6",), "tool 2.* is in the spindle, expected tool 1"),
         "no tool length": State(("G49",), "none is in force by G43", NO_TOOL),
