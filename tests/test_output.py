@@ -145,7 +145,7 @@ OTHERS = [
 ]
 """Further ones of single commands."""
 
-ENDINGS = (".json", ".csv", ".html", ".ngc", ".png", ".nc", ".comp")
+ENDINGS = (".json", ".csv", ".html", ".ngc", ".png", ".nc", ".comp", ".log")
 
 
 def writers(command: Any, words: tuple[str, ...] = ()) -> Iterator[tuple[str, str]]:
@@ -235,3 +235,64 @@ def test_the_readme_does_not_overwrite_a_measurement() -> None:
     assert written
     assert not any(name.endswith("touches.csv") for name in written)
     assert len(set(written)) == len(written)
+
+
+@pytest.mark.parametrize(
+    ("words", "ending"),
+    [
+        (["program", "{plan}", "{setup}", "-o"], "xlsx"),
+        (["program", "{plan}", "{setup}", "-o"], "CSV"),
+        (["plan", "{setup}", "--program"], "json"),
+        (["correct", "{mill}", "{errors}", "{setup}", "-o"], "toml"),
+        (["turning", "finish", "{shape}", "-o"], "csv"),
+        (["view", "{touches}", "{setup}", "-o"], "ngc"),
+        (["diagnose", "{touches}", "{setup}", "--html"], "csv"),
+        (["estimate", "{touches}", "{setup}", "--html"], "ngc"),
+        (["simulate", "{setup}", "--probe-log"], "csv"),
+        (["positioning", "results", "{stops}", "--comp-file"], "xlsx"),
+    ],
+)  # fmt: skip
+def test_nothing_is_written_under_the_ending_of_another_kind(
+    words: list[str], ending: str, tmp_path: Path
+) -> None:
+    """What looks at no ending is refused one that says another format, whatever its case."""
+    command_lines(tmp_path)
+    known = {
+        **{"plan": tmp_path / "plan.csv", "mill": tmp_path / "mill.ngc"},
+        **{"errors": tmp_path / "errors.json", "shape": tmp_path / "shape.csv"},
+        **{"setup": CROSS / "setup.toml", "touches": CROSS / "touches.csv"},
+        "stops": tn.sample_path("positioning/axis.csv"),
+    }
+    target = tmp_path / f"out.{ending}"
+    done = RUN(app, [*(word.format(**known) for word in words), str(target)])
+    assert done.exit_code == 2
+    assert f"got the ending '.{ending}' (" in done.stderr
+    assert not target.exists()
+
+
+@pytest.mark.parametrize("name", ["a.ngc", "a.nc", "a.NGC", "a.txt", "a.i", "a"])
+def test_a_program_may_have_the_ending_of_any_control(name: str, tmp_path: Path) -> None:
+    command_lines(tmp_path)
+    words = ["program", tmp_path / "plan.csv", CROSS / "setup.toml", "-o", tmp_path / name]
+    assert RUN(app, [*map(str, words)]).exit_code == 0
+    assert (tmp_path / name).read_text().startswith("(trunnion")
+
+
+def test_simulated_touches_beside_their_log_are_written_as_the_ending_says(tmp_path: Path) -> None:
+    log, book = tmp_path / "a.log", tmp_path / "a.xlsx"
+    words = ["simulate", CROSS / "setup.toml", "--probe-log", log, "-o", book]
+    assert RUN(app, [*map(str, words)]).exit_code == 0
+    assert len(tn.read_touches(book)) == len(tn.plan(tn.read_setup(CROSS / "setup.toml")))
+
+
+def test_a_page_that_exists_is_refused_before_the_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = tmp_path / "a.html"
+    page.write_text("kept")
+    monkeypatch.setattr(tn, "diagnose", pytest.fail)
+    files = [CROSS / "touches.csv", CROSS / "setup.toml", "--html", page]
+    done = RUN(app, ["diagnose", *map(str, files)])
+    assert done.exit_code == 2
+    assert "give --force" in done.stderr
+    assert page.read_text() == "kept"

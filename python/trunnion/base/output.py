@@ -20,6 +20,45 @@ from trunnion.base.input import path_of
 LOG = logging.getLogger("trunnion.files")
 
 
+WRITTEN = {
+    "an NC program": (".ngc", ".nc", ".tap", ".mpf", ".spf"),
+    "a page (HTML)": (".html", ".htm"),
+    "a log of touches": (".log",),
+    "a table of corrections": (".comp", ".tbl"),
+}
+"""What is written whatever the name says, and the endings of its own. Other endings that no file of
+`OTHERS` has may be those of a control."""
+OTHERS = {
+    **dict.fromkeys((".csv", ".parquet"), "a table"),
+    **dict.fromkeys((".xlsx", ".xls", ".ods"), "a workbook"),
+    ".json": "a result",
+    ".toml": "a set-up",
+    **dict.fromkeys((".png", ".svg"), "a picture"),
+    **dict.fromkeys((".pdf", ".docx"), "a document"),
+    **{ending: what for what, endings in WRITTEN.items() for ending in endings},
+    ".nc": "an NC program or netCDF",
+}
+"""What is in files of an ending: a file of another kind is not written there."""
+
+
+def check_ending(path: Path, what: str) -> None:
+    """Refuse a name whose ending says another kind of file than is written there.
+
+    what: A key of `WRITTEN`.
+
+    Raises
+    ------
+    InputError
+        The ending is known, and not one of this kind.
+    """
+    ending = path.suffix.lower()
+    if ending in OTHERS and ending not in WRITTEN[what]:
+        raise InputError(
+            f"{path}: got the ending {path.suffix!r} ({OTHERS[ending]}) for {what}, expected one "
+            f"such as {WRITTEN[what][0]}"
+        )
+
+
 def check_new(path: Path, *, overwrite: bool) -> None:
     """Refuse a path where a file stands already.
 

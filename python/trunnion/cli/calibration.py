@@ -12,7 +12,7 @@ import typer
 
 import trunnion as tn
 from trunnion.base.input import listed_numbers
-from trunnion.cli.command import Answer, Html, Output, command, one_set_up, save
+from trunnion.cli.command import LOG, Answer, Html, Output, command, one_set_up, save
 from trunnion.cli.program import LogFile, ProbeLog, read_log, save_program
 from trunnion.cli.schema import Of, Printed
 from trunnion.cli.values import Angles, named_values, names
@@ -230,8 +230,8 @@ def simulate(
         from trunnion.data.linuxcnc_log import probe_log_of
 
         log = probe_log_of(plan, measured, "simulated")
-        said = save(probe_log, lambda path: path.write_text(log, encoding="utf-8"))
-        more = () if output is None else (save(output, measured.to_csv),)
+        said = save(probe_log, lambda path: path.write_text(log, encoding="utf-8"), LOG)
+        more = () if output is None else (save(output, measured.save),)
         return Answer(values, (f"{len(measured)} touches", said, *more))
     if output is None:
         return Answer(values, (measured.to_csv().rstrip("\n"),))

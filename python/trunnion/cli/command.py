@@ -28,7 +28,7 @@ from typer.core import TyperGroup
 
 from trunnion.base.call import COMMAND
 from trunnion.base.errors import InputError, TrunnionError
-from trunnion.base.output import check_new, whole_file
+from trunnion.base.output import WRITTEN, check_ending, check_new, whole_file
 from trunnion.base.progress import shown_progress
 
 P = ParamSpec("P")
@@ -37,6 +37,7 @@ SCHEMA_VERSION = 1
 """Of what --json prints; raised when a key goes or gets another meaning, not when one is added."""
 FAULT, REFUSED, INTERRUPTED = 1, 2, 130
 """Exit codes: a fault of trunnion; arguments or files that are not usable; Ctrl-C."""
+PROGRAM, PAGE, LOG, CORRECTIONS = WRITTEN
 LEVELS = (logging.WARNING, logging.INFO, logging.DEBUG)
 _LOG = logging.getLogger("trunnion")
 
@@ -215,6 +216,8 @@ def command(
                 with _logged(verbose), _warnings_as_notes(), shown_progress(), _reading(how):
                     if output is not None:
                         check_outputs(output)
+                    if options.get("html") is not None:
+                        check_outputs(options["html"], what=PAGE)
                     answer = function(*arguments, **options)
                     if output is not None:
                         answer = replace(answer, shown=(*answer.shown, answer.save(output)))
@@ -361,9 +364,14 @@ def near_file(path: str | Path) -> str:
     return "" if near is None else f"; did you mean {folder / near}?"
 
 
-def check_outputs(*paths: Path) -> None:
-    """Refuse paths where files stand already, unless --force is given, and what is read."""
+def check_outputs(*paths: Path, what: str = "") -> None:
+    """Refuse paths where files stand already, unless --force is given, and what is read.
+
+    what: Is written there whatever the name says (`base.output.WRITTEN`): its ending is checked.
+    """
     for path in paths:
+        if what:
+            check_ending(path, what)
         if any(path.exists() and file.exists() and path.samefile(file) for file in _READ.get()):
             raise InputError(f"{path}: got a file that this command reads, expected another name")
         check_new(path, overwrite=_FORCED.get())
@@ -374,12 +382,13 @@ def forced() -> bool:
     return _FORCED.get()
 
 
-def save(path: Path, write: Callable[[Path], object]) -> str:
+def save(path: Path, write: Callable[[Path], object], what: str = "") -> str:
     """Write a file whole or not at all, over another one only with --force; say so in one line.
 
-    `write` is called with the path to write to, which has the ending of `path`.
+    `write` is called with the path to write to, which has the ending of `path`; `what` it writes
+    if it does not look at that.
     """
-    check_outputs(path)
+    check_outputs(path, what=what)
     with whole_file(path) as draft:
         write(draft)
     return f"wrote {path}"

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, Output, command, one_set_up, save
+from trunnion.cli.command import PROGRAM, Answer, Output, command, one_set_up, save
 from trunnion.cli.schema import Printed
 
 if TYPE_CHECKING:
@@ -69,4 +70,5 @@ def correct(
         raise tn.ProgramError(f"{program}: {error}; expected UTF-8 text") from None
     if output is None:
         return Answer(made, (made.text.rstrip("\n"),))
-    return Answer.of(made, save(output, lambda path: path.write_text(made.text, encoding="utf-8")))
+    write = partial(Path.write_text, data=made.text, encoding="utf-8")
+    return Answer.of(made, save(output, write, PROGRAM))

@@ -11,7 +11,7 @@ from typing import Annotated, Any, TypedDict
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, Html, command, group_of, save
+from trunnion.cli.command import CORRECTIONS, Answer, Html, command, group_of, save
 from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
 from trunnion.cli.read import said_of
 from trunnion.cli.schema import Of, Printed
@@ -83,7 +83,10 @@ def results(
         from trunnion.controls import measured_comp_file
 
         text = measured_comp_file(found.compensation_table(), turns=turns)
-        said = (*said, save(comp_file, lambda path: path.write_text(text, encoding="utf-8")))
+        said = (
+            *said,
+            save(comp_file, lambda path: path.write_text(text, encoding="utf-8"), CORRECTIONS),
+        )
     if html is not None:
         limits = {j.name: j.tolerance for j in more[0].judged} if tolerance else {}
         # The page has one U a figure, the terminal that of the scatter and what is judged by.

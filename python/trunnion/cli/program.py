@@ -11,7 +11,7 @@ import typer
 
 import trunnion as tn
 from trunnion.base.output import write_text
-from trunnion.cli.command import Answer, Output, command, one_set_up, save, sort_files
+from trunnion.cli.command import PROGRAM, Answer, Output, command, one_set_up, save, sort_files
 from trunnion.cli.schema import Printed
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ def program(
 
 def save_program(path: Path, made: ProbingProgram) -> str:
     """Write a program, and say so."""
-    return save(path, lambda draft: write_text(draft, made.text()))
+    return save(path, lambda draft: write_text(draft, made.text()), PROGRAM)
 
 
 def _values(made: ProbingProgram) -> dict[str, object]:

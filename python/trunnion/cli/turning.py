@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict, cast
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, Output, command, group_of, save, sort_files
+from trunnion.cli.command import PROGRAM, Answer, Output, command, group_of, save, sort_files
 from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
 from trunnion.cli.schema import Printed
 
@@ -83,7 +83,7 @@ def _written(program: Program, output: Path | None) -> str:
     text = program.text()
     if output is None:
         return text.rstrip("\n")
-    return save(output, lambda path: path.write_text(text, encoding="utf-8"))
+    return save(output, lambda path: path.write_text(text, encoding="utf-8"), PROGRAM)
 
 
 def finish(

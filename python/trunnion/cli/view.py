@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, command, near_file, save
+from trunnion.cli.command import PAGE, Answer, command, near_file, save
 from trunnion.cli.schema import Printed
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def view(
     if not others and setup is not None:
         views.append((set_ups[0].name, _of_setup(setup)))
     page = _page(views, ", ".join(file.name for file in files))
-    said = save(output, lambda path: path.write_text(page, encoding="utf-8"))
+    said = save(output, lambda path: path.write_text(page, encoding="utf-8"), PAGE)
     if open_:
         webbrowser.open(output.resolve().as_uri())
     return Answer({"page": str(output), "views": [name for name, _ in views]}, (said,))
