@@ -211,7 +211,7 @@ def test_places_of_dithered_readings_are_those_of_weighted_draws(noise: float) -
     the readings over that with which it was drawn. Noises down to a 2,500th of a step are equally
     probable in their root.
     """
-    noises = np.geomspace(4e-4, 0.5, 17)
+    noises = np.geomspace(1e-5, 0.5, 26)
     ratios = []
     for seed in range(8):
         rng = np.random.default_rng([31, seed])

@@ -281,12 +281,22 @@ def place_of(
     most = max(places.log for places in found)
     weight = np.exp([places.log - most for places in found])
     if len(found) > 1:
-        weight *= -np.gradient(np.sqrt(noises))
+        weight *= _shares(noises)
     weight /= weight.sum()
     at = np.asarray(weight @ [places.mean for places in found])
     every = [places.covariance + np.outer(d, d) for places in found for d in (places.mean - at,)]
     normal = np.asarray(np.tensordot(weight, every, 1))
     return Place(along, off, residuals, step / 2, rows, noises, weight, at, normal)
+
+
+def _shares(noises: Floats) -> Floats:
+    """Shares of noises, the largest first, of all that there are: evenly in their root, (k,).
+
+    Each stands for those to the middle between it and the next, the smallest for all below it.
+    """
+    root = np.sqrt(noises)
+    middles = (root[1:] + root[:-1]) / 2
+    return -np.diff([2.0 * root[0] - middles[0], *middles, 0.0])
 
 
 def _at_noises(readings: _Readings, noises: Sequence[float]) -> list[_Places]:
