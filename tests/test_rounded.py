@@ -208,7 +208,7 @@ def test_places_of_dithered_readings_are_those_of_weighted_draws(noise: float) -
     """400 readings, six parameters: standard errors over all places and noises, of 8 machines.
 
     Drawn from a normal distribution that is a little wider, each draw counts by the probability of
-    the readings over that with which it was drawn. Noises down to a 2,500th of a step are equally
+    the readings over that with which it was drawn. Noises down to a 100,000th of a step are equally
     probable in their root.
     """
     noises = np.geomspace(1e-5, 0.5, 26)
