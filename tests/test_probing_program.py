@@ -187,10 +187,45 @@ def test_keys_of_the_control_are_checked(key: str, value: object) -> None:
         tn.ControlSetup(**{key: value})  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("log", ["", "a(b).log", "a#1.log", "a\nb", "x" * 200, "é.log"])
+@pytest.mark.parametrize("log", ["", "a(b).log", "a#1.log", "a\nb", "x" * 200, "é.log", " a", "a "])
 def test_names_of_logs_that_linuxcnc_cannot_take(log: str) -> None:
     with pytest.raises(tn.InputError, match="log: got"):
         tn.probing_program(tn.plan(CROSS), CROSS, log)
+
+
+@pytest.mark.parametrize("log", ["there", "new/", "/", ".", "..", "a/..", "~/touches.log"])
+def test_a_log_that_is_no_file_is_refused(
+    log: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """LinuxCNC would measure, and write the touches to its terminal."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "there").mkdir()
+    with pytest.raises(tn.InputError, match=r"log: got .*in no file"):
+        tn.probing_program(tn.plan(CROSS), CROSS, log)
+
+
+@pytest.mark.parametrize(
+    ("log", "said"),
+    [
+        ("plan", "got a file that this command reads"),
+        ("touches.csv", "got the ending '.csv' (a table) for a log of touches"),
+        ("probe.ngc", "got the ending '.ngc' (an NC program) for a log of touches"),
+    ],
+)
+def test_a_control_appends_to_no_file_of_another_kind(
+    log: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    tn.plan(CROSS).to_csv("plan")
+    Path("setup.toml").write_text(CROSS.to_toml())
+    given = ["-o", "probe.ngc", "--log", log]
+    done = CliRunner().invoke(app, ["program", "plan", "setup.toml", *given])
+    assert done.exit_code == 2
+    assert said in done.stderr
+    assert not Path("probe.ngc").exists()
+    if log != "plan":
+        given = ["plan", "setup.toml", "--program", "probe.ngc", "--log", log]
+        assert said in CliRunner().invoke(app, given).stderr
 
 
 def test_a_plan_without_starts_and_feeds_becomes_a_program() -> None:

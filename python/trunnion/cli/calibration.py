@@ -12,7 +12,16 @@ import typer
 
 import trunnion as tn
 from trunnion.base.input import listed_numbers
-from trunnion.cli.command import LOG, Answer, Html, Output, command, one_set_up, save
+from trunnion.cli.command import (
+    LOG,
+    Answer,
+    Html,
+    Output,
+    check_log,
+    command,
+    one_set_up,
+    save,
+)
 from trunnion.cli.program import LogFile, ProbeLog, read_log, save_program
 from trunnion.cli.schema import Of, Printed
 from trunnion.cli.values import Angles, named_values, names
@@ -163,6 +172,7 @@ def _planned(
     if output is not None:
         shown.append(save(output, planned.save))
     if program is not None:
+        check_log(log)
         cycle = tn.probing_program(planned, made, log, name=name)
         shown.append(save_program(program, cycle))
         minutes = cycle.seconds / 60

@@ -372,9 +372,20 @@ def check_outputs(*paths: Path, what: str = "") -> None:
     for path in paths:
         if what:
             check_ending(path, what)
-        if any(path.exists() and file.exists() and path.samefile(file) for file in _READ.get()):
-            raise InputError(f"{path}: got a file that this command reads, expected another name")
+        _check_not_read(path)
         check_new(path, overwrite=_FORCED.get())
+
+
+def check_log(log: str) -> None:
+    """Refuse a log that a control would append to a file of another kind, or of this command."""
+    check_ending(Path(log), LOG)
+    _check_not_read(Path(log))
+
+
+def _check_not_read(path: Path) -> None:
+    """Refuse a file that the command reads, even with --force: what it holds would be lost."""
+    if any(path.exists() and file.exists() and path.samefile(file) for file in _READ.get()):
+        raise InputError(f"{path}: got a file that this command reads, expected another name")
 
 
 def forced() -> bool:

@@ -11,7 +11,16 @@ import typer
 
 import trunnion as tn
 from trunnion.base.output import write_text
-from trunnion.cli.command import PROGRAM, Answer, Output, command, one_set_up, save, sort_files
+from trunnion.cli.command import (
+    PROGRAM,
+    Answer,
+    Output,
+    check_log,
+    command,
+    one_set_up,
+    save,
+    sort_files,
+)
 from trunnion.cli.schema import Printed
 
 if TYPE_CHECKING:
@@ -79,6 +88,7 @@ def program(
 ) -> Answer:
     """Write the LinuxCNC program that measures a plan."""
     plans, file = one_set_up(files, (1, 1), "plans")
+    check_log(log)
     plan = tn.read_touches(plans[0])
     if start_at > len(plan):
         raise tn.InputError(f"--from: got {start_at}, expected a touch of the plan's {len(plan)}")

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike
+from pathlib import Path
 
 from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError, InputError
@@ -28,7 +29,8 @@ from trunnion.probing.steps import check_clear, cycle_of, with_starts
 from trunnion.setup import Setup
 from trunnion.setup.control import WORK_OFFSETS
 
-FILE_NAME = re.compile(r"[^()#%;,\x00-\x1f\x7f-\U0010ffff]{1,150}")
+LONGEST_NAME = 150
+FILE_NAME = re.compile(rf"(?! )[^()#%;,\x00-\x1f\x7f-\U0010ffff]{{1,{LONGEST_NAME}}}(?<! )")
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,10 +167,7 @@ def probing_program(
         raise InputError(
             f"probing program: got {chain.name}, expected one with its rotary axes under the table"
         )
-    if FILE_NAME.fullmatch(log) is None:
-        raise InputError(
-            f"log: got {log!r}, expected a file name of printable ASCII without ( ) # % ; ,"
-        )
+    _check_log(log)
     if isinstance(start_at, bool) or not isinstance(start_at, int) or start_at < 1:
         raise InputError(f"start_at: got {start_at!r}, expected the number of a touch, from 1")
     if start_at > len(plan):
@@ -197,6 +196,25 @@ def probing_program(
     _check_senses(plan, cycle)
     cycle.check_ranges()
     return ProbingProgram(cycle)
+
+
+def _check_log(log: str) -> None:
+    """Refuse names that LinuxCNC cannot open: it says so on its terminal alone, and goes on."""
+    if FILE_NAME.fullmatch(log) is None:
+        raise InputError(
+            f"log: got {log!r}, expected a file name of printable ASCII without ( ) # % ; , of at "
+            f"most {LONGEST_NAME} characters, and no blank at its ends"
+        )
+    if log.startswith("~"):
+        raise InputError(
+            f"log: got {log!r}, expected the folder in full: LinuxCNC does not know ~, and the "
+            "touches would be in no file"
+        )
+    if log.rstrip("/") != log or Path(log).name in ("", "..") or Path(log).is_dir():
+        raise InputError(
+            f"log: got {log!r}, a folder, expected a file: LinuxCNC could not open it, and the "
+            f"touches would be in no file (did you mean {Path(log) / 'touches.log'}?)"
+        )
 
 
 def _frame(setup: Setup, *, corrected: bool, tcp: bool) -> Frame:
