@@ -370,9 +370,9 @@ def check_outputs(*paths: Path, what: str = "") -> None:
     what: Is written there whatever the name says (`base.output.WRITTEN`): its ending is checked.
     """
     for path in paths:
+        _check_not_read(path)
         if what:
             check_ending(path, what)
-        _check_not_read(path)
         check_new(path, overwrite=_FORCED.get())
 
 
