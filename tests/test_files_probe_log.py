@@ -1,12 +1,15 @@
 """LinuxCNC's probe log: the plan with the recorded positions, or an error that names the line."""
 # ruff: noqa: E501  (a table of cases reads best with one line a case)
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import trunnion as tn
+from trunnion.cli import app
 
 FIRST = "37.500012 0.000000 26.003100 0.000000 0.000000 90.000000 0.000000 0.000000 0.000000\n"
 SECOND = "50.998700 12.500000 1.000000 -90.000000 0.000000 180.000100 0.000000 0.000000 0.000000\n"
@@ -274,6 +277,50 @@ def test_the_frame_of_a_log_for_its_next_run(plan: tn.Touches, tmp_path: Path) -
     path.write_text(run(plan).replace("length 100", "length 100 A 0 C 0 corrected") + ONE)
     with pytest.raises(tn.InputError, match="got runs with other kinematics"):
         tn.probing_program(plan, setup, start_at=2, continues=path)
+
+
+def test_touches_that_no_run_measures_are_said(
+    plan: tn.Touches, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Before the program runs: by the log of the runs before, where it is given or is here."""
+    setup = tn.Setup(artefact=tn.Artefact("cross"))
+    monkeypatch.chdir(tmp_path)
+    plan = tn.plan(setup)
+
+    def head(start_at: int, continues: str | None = None, log: str = "new.log") -> str:
+        made = tn.probing_program(plan, setup, log, start_at=start_at, continues=continues)
+        lines = made.text().split("\n")
+        found = [line[1:-1] for line in lines if line.startswith("(From touch")]
+        said = [
+            re.sub(r"[()]", lambda m: "[]"["()".index(m[0])], s) for s in made.cycle.said_before()
+        ]
+        assert found == said
+        return found[0] if found else ""
+
+    x, y, z = plan.position_mm.T
+    rows = [x, y, z, plan["a_deg"], 0 * x, plan["c_deg"]]
+    lines = [
+        f"{n} 600.000000 " + " ".join(f"{v:.6f}" for v in row)
+        for n, row in enumerate(np.column_stack(rows).tolist(), 1)
+    ]
+    state = run(plan)
+    Path("a.log").write_text(state + "\n".join([*lines[:4], *lines[5:30]]) + "\n")
+    assert head(1) == ""
+    assert "From touch 40 on: 1 to 39 of the plan are taken to be in new.log already" in head(40)
+    missing = "5, 31 to 39 of the plan are not in a.log, and no run measures them; --from 5 would"
+    assert missing in head(40, "a.log")
+    assert missing in head(40, log="a.log")
+    assert "5 of the plan are not in a.log" in head(31, "a.log")
+    Path("a.log").write_text(state + "\n".join(lines[:30]) + "\n")
+    assert head(31, "a.log") == head(7, "a.log") == ""
+    Path("a.log").write_text(state)  # a run that was stopped before its first touch
+    assert "1 to 4 of the plan are not in a.log" in head(5, "a.log")
+    Path("b.log").write_text(run(plan[:40]) + lines[0])  # none of the plan: nothing is known
+    assert "are taken to be in b.log already" in head(5, log="b.log")
+    plan.to_csv("plan.csv")
+    Path("setup.toml").write_text(setup.to_toml())
+    given = ["program", "plan.csv", "setup.toml", "--from", "40", "-o", "p.ngc"]
+    assert "note: From touch 40 on: 1 to 39" in CliRunner().invoke(app, given).stderr
 
 
 def other(plan: tn.Touches) -> tuple[tn.Touches, str]:

@@ -108,6 +108,8 @@ def program(
 
     for note in fast_approaches([step.feed for step in made.cycle.steps], made.cycle.setup):
         warnings.warn(note, UserWarning, stacklevel=1)
+    for note in made.cycle.said_before():
+        warnings.warn(note, UserWarning, stacklevel=1)
     if output is None:
         return Answer(_values(made), (made.text().rstrip("\n"),))
     return Answer(_values(made), (_said(made), save_program(output, made)))
@@ -199,18 +201,13 @@ def _following(first: tn.Touches, measured: tn.Touches, planned: tn.Touches) -> 
 
 def _missing(planned: tn.Touches, measured: tn.Touches) -> str:
     """Say which touches of a plan were not read from its log, and how its program goes on."""
+    from trunnion.data.linuxcnc_runs import spans
+
     touches = None if measured.origin is None else measured.origin.touch
     there = set() if touches is None else set(touches.tolist())
     numbers = [number for number in range(1, len(planned) + 1) if number not in there]
     if not numbers:
         return ""
-    runs: list[list[int]] = []
-    for number in numbers:
-        if runs and runs[-1][-1] == number - 1:
-            runs[-1][1:] = [number]
-        else:
-            runs.append([number])
-    spans = ", ".join(" to ".join(map(str, run)) for run in runs)
-    rest = len(runs) == 1 and numbers[-1] == len(planned)
+    rest = numbers == list(range(numbers[0], len(planned) + 1))
     how = f"; the program goes on with #<_from> = {numbers[0]}" if rest and numbers[0] > 1 else ""
-    return f"; not among them: {spans}{how}"
+    return f"; not among them: {spans(numbers)}{how}"

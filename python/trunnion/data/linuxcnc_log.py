@@ -25,7 +25,7 @@ import numpy as np
 from trunnion.base.arguments import checked
 from trunnion.base.input import file_bytes
 from trunnion.base.units import Floats
-from trunnion.data.linuxcnc_runs import NUMBERED, RUN, RUN_LINE, Log
+from trunnion.data.linuxcnc_runs import NUMBERED, RUN, RUN_LINE, Log, Run
 from trunnion.data.touches import ROTARY_AXES, Touches
 from trunnion.files.columns import LARGEST, SMALLEST, parse_number
 from trunnion.files.recognised import Recognised
@@ -164,6 +164,18 @@ def logged_frame(path: str | PathLike[str], plan_hash: str) -> dict[str, str]:
     return frame
 
 
+def logged_touches(path: str | PathLike[str], plan: Touches) -> frozenset[int]:
+    """Return the numbers of the touches that the last measurement of a plan has in a log."""
+    name = str(path)
+    log = Log(name, decode(name, file_bytes(path)).split("\n"))
+    if not log.heads:
+        return frozenset()
+    runs = log.runs()[0]
+    ours, _ = log.of_plan(runs, plan_hash(plan))
+    found, *_ = _last_measurement(log, runs, ours, plan)
+    return frozenset(row + 1 for row in found)
+
+
 def probe_log_of(plan: Touches, measured: Touches, name: str) -> str:
     """Return what the program of a plan would log: all its touches in one run.
 
@@ -276,6 +288,21 @@ def _numbered(
     """Return the touches of the last measurement of a plan, and notes on what else there is."""
     runs, skipped = log.runs()
     ours, others = log.of_plan(runs, plan_hash(plan))
+    found, before, cut = _last_measurement(log, runs, ours, plan)
+    if not found:
+        none = "got no touches, expected those of the plan"
+        raise log.error(len(log.lines) - 1, 0, "; ".join((none, *before)))
+    lines = {entry.line for entry in found.values()}
+    used = [run for run in ours if not lines.isdisjoint(run.touches)]
+    log.check_frame(used)
+    frame = log.said_of_frame(used[-1], centre_mm)
+    return list(found.values()), (*skipped, *others, *before, *cut, *frame)
+
+
+def _last_measurement(
+    log: Log, runs: Sequence[Run], ours: Sequence[Run], plan: Touches
+) -> tuple[dict[int, _Entry], tuple[str, ...], tuple[str, ...]]:
+    """Return touches by row of the plan, in their order, and notes on what else there is."""
     last = runs[-1].touches[-1:]
     cut = log.cut(last[0]) if last and ours[-1] is runs[-1] else ()
     found: dict[int, _Entry] = {}
@@ -290,15 +317,7 @@ def _numbered(
                 entry = _entry(log, i, plan)
                 found.pop(entry.row, None)
                 found[entry.row] = entry
-    before = _before(log, earlier, begin, len(found))
-    if not found:
-        none = "got no touches, expected those of the plan"
-        raise log.error(len(log.lines) - 1, 0, "; ".join((none, *before)))
-    lines = {entry.line for entry in found.values()}
-    used = [run for run in ours if not lines.isdisjoint(run.touches)]
-    log.check_frame(used)
-    frame = log.said_of_frame(used[-1], centre_mm)
-    return list(found.values()), (*skipped, *others, *before, *cut, *frame)
+    return found, _before(log, earlier, begin, len(found)), cut
 
 
 def _entry(log: Log, line: int, plan: Touches) -> _Entry:

@@ -270,6 +270,17 @@ def _alike(one: str, other: str) -> bool:
     return one == other if a is None or b is None else abs(a - b) <= SAME_FRAME_MM
 
 
+def spans(numbers: Iterable[int]) -> str:
+    """Numbers as people list them: ``3, 31 to 39``."""
+    runs: list[list[int]] = []
+    for number in sorted(numbers):
+        if runs and runs[-1][-1] == number - 1:
+            runs[-1][1:] = [number]
+        else:
+            runs.append([number])
+    return ", ".join(" to ".join(map(str, run)) for run in runs)
+
+
 def _plans(runs: Sequence[Run]) -> str:
     """Name the plans of runs, each with the line of its first one."""
     found: dict[str, str] = {}

@@ -16,6 +16,7 @@ import numpy as np
 
 from trunnion.base.errors import DataError
 from trunnion.base.units import Floats
+from trunnion.data.linuxcnc_runs import spans
 from trunnion.setup import Setup
 
 BACK_OFF_DEG = 5.0
@@ -63,6 +64,7 @@ class Cycle:
     """What a probing program does.
 
     frame_before: Work offset and tool length of the runs that it goes on with, as their log says.
+    measured: Numbers of the touches in a log of runs before, `measured_in`; None: no log is known.
     """
 
     setup: Setup
@@ -76,12 +78,28 @@ class Cycle:
     dry_run: bool = False
     frame: Frame = "machine"
     frame_before: Mapping[str, float] = field(default_factory=dict)
+    measured: frozenset[int] | None = None
+    measured_in: str = ""
 
     @property
     def mode(self) -> str:
         """Line that switches the kinematics to what the moves between touches are written for."""
         control = self.setup.control
         return control.corrected_on if self.frame == "corrected" else control.tcp_off
+
+    def said_before(self) -> Iterator[str]:
+        """Say what is known of the touches before the first one that it makes; ASCII."""
+        before, head = range(1, self.start_at), f"From touch {self.start_at} on"
+        if before and self.measured is None:
+            yield (
+                f"{head}: {spans(before)} of the plan are taken to be in {self.log} already; "
+                "--continues LOG looks whether they are."
+            )
+        elif missing := set(before).difference(self.measured or ()):
+            yield (
+                f"{head}: {spans(missing)} of the plan are not in {self.measured_in}, and no run "
+                f"measures them; --from {min(missing)} would."
+            )
 
     @property
     def checks_tcp(self) -> bool:

@@ -57,6 +57,7 @@ def _said(cycle: Cycle) -> Iterator[str]:
     yield "rotary axes count on behind a turn: no WRAPPED_ROTARY"
     ranges = ", ".join(f"{x} {n(low)} to {n(high)}" for x, (low, high) in cycle.ranges().items())
     yield f"ranges in {control.wcs}: {ranges}"
+    yield from cycle.said_before()
     yield from assumptions(setup)
     yield from fast_approaches([step.feed for step in cycle.steps], setup)
     yield f"time: about {cycle.times()[1] / 60:.1f} min without pauses"

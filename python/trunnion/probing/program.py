@@ -15,9 +15,9 @@ from os import PathLike
 from pathlib import Path
 
 from trunnion.base.arguments import checked
-from trunnion.base.errors import DataError, InputError
+from trunnion.base.errors import DataError, FileFormatError, InputError
 from trunnion.base.units import Floats
-from trunnion.data.linuxcnc_log import logged_frame, plan_hash
+from trunnion.data.linuxcnc_log import logged_frame, logged_touches, plan_hash
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
 from trunnion.nc import Program
@@ -177,7 +177,8 @@ def probing_program(
     if ready.feed_mm_min is not None:
         check_feeds(ready.feed_mm_min.tolist(), setup)
     frame = _frame(setup, corrected=corrected, tcp=tcp)
-    named_by = plan_hash(on_table(plan, setup) if tcp else plan)
+    named = on_table(plan, setup) if tcp else plan
+    named_by = plan_hash(named)
     if continues is not None and start_at == 1:
         raise InputError(
             "continues: got it from touch 1, which begins a new measurement; expected "
@@ -185,7 +186,7 @@ def probing_program(
         )
     cycle = replace(
         cycle_of(ready, setup),
-        name=re.sub(r"[^A-Za-z0-9._-]", "_", name)[:60] or "plan",
+        name=_in_a_comment(name) or "plan",
         plan_hash=named_by,
         log=log,
         start_at=start_at,
@@ -193,9 +194,16 @@ def probing_program(
         frame=frame,
         frame_before={} if continues is None else _frame_before(continues, named_by, frame),
     )
+    if start_at > 1:
+        cycle = _with_measured(cycle, named, continues)
     _check_senses(plan, cycle)
     cycle.check_ranges()
     return ProbingProgram(cycle)
+
+
+def _in_a_comment(name: str) -> str:
+    """Return a name as comments and logs of LinuxCNC may have it."""
+    return re.sub(r"[^A-Za-z0-9._-]", "_", name)[:60]
 
 
 def _check_log(log: str) -> None:
@@ -240,6 +248,24 @@ def _frame_before(log: str | PathLike[str], named_by: str, frame: Frame) -> Mapp
         )
     number = WORK_OFFSETS.index(said.pop("wcs")) + 1
     return {"wcs": float(number), **{name: float(value) for name, value in said.items()}}
+
+
+def _with_measured(cycle: Cycle, plan: Touches, continues: str | PathLike[str] | None) -> Cycle:
+    """Return a cycle that knows which touches a log has; without one, that `log` has if it is here.
+
+    plan: As the log knows it.
+    """
+    if continues is not None:
+        measured = logged_touches(continues, plan)
+    elif Path(cycle.log).is_file():
+        try:
+            measured = logged_touches(cycle.log, plan)
+        except FileFormatError:  # of another plan, or none: nothing is known of this one
+            return cycle
+    else:
+        return cycle
+    name = _in_a_comment(Path(cycle.log if continues is None else continues).name)
+    return replace(cycle, measured=measured, measured_in=name)
 
 
 def _check_senses(plan: Touches, cycle: Cycle) -> None:
