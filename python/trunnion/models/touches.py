@@ -35,14 +35,12 @@ from trunnion.probing.inputs import inputs_of, stated_of, turning
 from trunnion.probing.model import (
     UNKNOWN_TICK,
     TouchModel,
-    coordinates_um,
     known_sigma_um,
-    readings_um,
-    recorded_um,
     seen_steps_um,
     steps_um,
     stops_of,
 )
+from trunnion.probing.recorded import coordinates_um, readings_um, recorded_um
 from trunnion.setup import Setup
 
 MAX_KEPT = 1_000_000

@@ -20,10 +20,10 @@ from trunnion.probing.model import (
     TouchModel,
     grid_of,
     known_sigma_um,
-    readings_um,
     rounding_um,
     steps_um,
 )
+from trunnion.probing.recorded import readings_um
 from trunnion.probing.result import ClosedFormResult, PerPosition
 from trunnion.probing.scatter import scatter_um
 from trunnion.setup import Setup

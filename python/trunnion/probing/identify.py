@@ -31,12 +31,12 @@ from trunnion.probing.model import (
     TouchModel,
     grid_of,
     known_sigma_um,
-    readings_um,
     rounding_um,
     steps_um,
     stops_of,
 )
 from trunnion.probing.own_effects import Found, Loss, TouchProblem, own_names
+from trunnion.probing.recorded import readings_um
 from trunnion.probing.result import IdentificationResult, lack_of_fit
 from trunnion.probing.scatter import scatter_um
 from trunnion.setup import Setup

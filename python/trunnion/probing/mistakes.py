@@ -41,6 +41,9 @@ MIN_UM = 200.0
 SHARE = 0.1
 """Of the residuals: what a guess has to leave at most, beside the errors of rounding."""
 
+BETTER = 0.5
+"""Of the residuals: the same with the errors of rounding."""
+
 MAX_BEFORE_UM = 500.0
 """Residuals beyond this, and touches off the surface, count as this."""
 
@@ -94,6 +97,10 @@ def likely_mistakes(
     model: Of the set-up, without effects. moves: The touches, as it knows them.
     """
     setup, said = model.setup, []
+    near = model.values(result.errors, result.placement)
+    of_ticks = tick_mistakes(data, model, moves, near)
+    if of_ticks and np.any(ticks_um(setup, data)):  # half of a wrong one is in all the rest
+        return tuple(of_ticks)
     if result.rms_um > NO_PROBE_UM:
         some = some_rows(data)
         before = min(_scatter_um(some, setup), result.rms_um)
@@ -109,9 +116,7 @@ def likely_mistakes(
         )
     if doubt := in_other_units(setup.machine.errors):
         said.append(f"[machine.errors] has {doubt}")
-    near = model.values(result.errors, result.placement)
-    said += tick_mistakes(data, model, moves, near)
-    return tuple(said)
+    return (*said, *of_ticks)
 
 
 @contextmanager
@@ -233,7 +238,10 @@ def _cause(data: Touches, setup: Setup, before_um: float) -> str | None:
     tried = [(_scatter_um(guess.data, guess.setup), guess) for guess in _guesses(data, setup)]
     rounding = rounding_um(setup, data)
     limit = SHARE * min(before_um, MAX_BEFORE_UM)
-    fitting = [(s, g) for s, g in tried if np.sqrt(max(s**2 - rounding**2, 0.0)) <= limit]
+    most = BETTER * min(before_um, MAX_BEFORE_UM)  # however coarse the stated ticks are
+    fitting = [
+        (s, g) for s, g in tried if s <= most and np.sqrt(max(s**2 - rounding**2, 0.0)) <= limit
+    ]
     if not fitting:
         return None
     best = min(scatter / guess.unit_mm for scatter, guess in fitting)

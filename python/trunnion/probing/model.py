@@ -10,12 +10,18 @@ import numpy as np
 import trunnion._core as _core
 from trunnion.base.checks import finite, instance, named
 from trunnion.base.errors import DataError, InputError, UnknownNameError
-from trunnion.base.recognition import recognised, unstated
-from trunnion.base.resolution import Coordinates, Grid
+from trunnion.base.recognition import unstated
+from trunnion.base.resolution import Grid
 from trunnion.base.units import Floats, Integers
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain, standing_artefact
 from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner
+from trunnion.probing.recorded import (
+    coordinates_um,
+    readings_um,
+    recorded_um,
+    servo_period_ms,
+)
 from trunnion.setup import Setup
 
 UNKNOWN_TICK = (
@@ -23,10 +29,6 @@ UNKNOWN_TICK = (
     "probe.servo_period_ms (or probe.tick_um); if coordinates are only rounded to it: "
     "probe.resolution_um"
 )
-
-PERIODS_MS = (0.05, 20.0)
-"""Servo periods of controls."""
-SAME_PERIOD = 0.02
 
 
 def catalogue(setup: Setup) -> tuple[EffectInfo, ...]:
@@ -77,50 +79,6 @@ def known_sigma_um(setup: Setup, touches: Touches) -> float:
         return 0.0
     steps = steps_um(setup, touches)
     return float(np.sqrt(setup.probe.repeatability_um**2 + np.mean(steps**2) / 12))
-
-
-def readings_um(touches: Touches) -> Floats:
-    """Readings: recorded coordinates along the approaches, µm, shape (n,)."""
-    return np.asarray(np.einsum("ij,ij->i", touches.position_mm, touches.direction) * 1e3)
-
-
-def recorded_um(touches: Touches) -> tuple[Floats, ...]:
-    """What may be recorded in steps, µm: places along the approach, or ways along it, (n,).
-
-    A control that looks at the probe once in a tick records multiples of it on the way from the
-    start along the approach.
-    """
-    known = readings_um(touches)
-    if touches.start_mm is None:
-        return (known,)
-    way = np.einsum("ij,ij->i", touches.position_mm - touches.start_mm, touches.direction)
-    return (np.asarray(1e3 * way), known)
-
-
-def coordinates_um(touches: Touches) -> Coordinates:
-    """Coordinates that may be recorded in steps, µm, from the first touch.
-
-    A file or a display has as many digits wherever the touch is, however oblique the approach.
-    """
-    places = touches.position_mm
-    return Coordinates(1e3 * (places - places[:1]), touches.direction)
-
-
-def servo_period_ms(touches: Touches) -> float:
-    """Period that touches at several feeds are looked at, as their ways say; 0: none is seen.
-
-    The ways, or the places along the approach, are whole steps, and the steps are as the feeds: of
-    no display, but of a clock.
-    """
-    feed = touches.feed_mm_min
-    if feed is None or not np.all(feed > 0):
-        return 0.0
-    for recorded in recorded_um(touches):
-        periods = [recognised(60.0 * recorded[feed == f] / f) for f in np.unique(feed)]
-        same = len(periods) > 1 and np.allclose(periods, periods[0], rtol=SAME_PERIOD)
-        if same and PERIODS_MS[0] <= periods[0] <= PERIODS_MS[1]:
-            return periods[0]
-    return 0.0
 
 
 def with_recognised_step(

@@ -13,14 +13,9 @@ from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
 from trunnion.machine.sizes import SURE_SIGMAS
-from trunnion.probing.model import (
-    TouchModel,
-    recorded_um,
-    rounding_um,
-    servo_period_ms,
-    steps_um,
-    ticks_um,
-)
+from trunnion.probing.model import TouchModel, rounding_um, steps_um, ticks_um
+from trunnion.probing.recorded import other_period_ms, recorded_um, servo_period_ms
+from trunnion.setup import Setup
 
 FAR_LESS = 0.25
 """Of the errors of rounding: what readings recorded in a step scatter by at least."""
@@ -39,15 +34,30 @@ def tick_mistakes(data: Touches, plain: TouchModel, moves: Moves, near: Floats) 
     plain: The model without effects. moves: The touches, as it knows them. near: Values of its
     parameters that fit them to first order, (p,).
     """
-    if np.any(steps_um(plain.setup, data)):
-        return _finer_than_stated(data, plain, moves, near)
-    if period := servo_period_ms(data):
+    stated = plain.setup.probe.servo_period_ms
+    steps, ticks = steps_um(plain.setup, data), ticks_um(plain.setup, data)
+    if stated and (period := other_period_ms(data, stated)):
         return [
-            f"The steps of the touches are as their feeds: the control looks at the probe every "
-            f"{period:.3g} ms, and touches are {period / 2:.3g} ms late on average, which looks "
-            f"like a delay of the trigger: state probe.servo_period_ms = {period:.3g}."
+            f"{_as_feeds(period)}, not every {stated:g} ms, of which half was taken off every "
+            f"touch: probe.servo_period_ms = {period:.3g}."
         ]
-    return _late_by_half_a_tick(data, plain, moves, near)
+    if not np.any(steps) and (period := servo_period_ms(data)):
+        return [
+            f"{_as_feeds(period)}, and touches are {period / 2:.3g} ms late on average, which "
+            f"looks like a delay of the trigger: state probe.servo_period_ms = {period:.3g}."
+        ]
+    if np.any(steps) and not np.any(ticks):
+        return _finer_than_stated(data, plain, moves, near)
+    late = _late_by_half_a_tick(data, plain, moves, near)
+    return late or (_finer_than_stated(data, plain, moves, near) if np.any(ticks) else [])
+
+
+def _as_feeds(period_ms: float) -> str:
+    """What steps say of the clock."""
+    return (
+        f"The steps of the touches are feed times {period_ms:.3g} ms: the control looks at the "
+        f"probe every {period_ms:.3g} ms"
+    )
 
 
 def _finer_than_stated(data: Touches, plain: TouchModel, moves: Moves, near: Floats) -> list[str]:
@@ -78,21 +88,24 @@ def _finer_than_stated(data: Touches, plain: TouchModel, moves: Moves, near: Flo
 
 
 def _late_by_half_a_tick(data: Touches, plain: TouchModel, moves: Moves, near: Floats) -> list[str]:
-    """Say where touches are late by half of a tick whose errors of rounding the residuals are."""
+    """Say where touches are late by half of a tick whose errors of rounding the residuals are.
+
+    Of a stated tick, by half of what it is wrong by, where the residuals are not those of it.
+    """
     fit = _late(data, plain, moves, near)
-    if fit is None or fit.late < SURE_SIGMAS * fit.std:
+    if fit is None or abs(fit.late) < SURE_SIGMAS * fit.std:
         return []
-    feed, late, several = data.feed_mm_min, fit.late, fit.is_delay
-    ticks = 2 * late * (np.asarray(feed) / 60 if several else np.ones(len(data)))
-    if any(recognised(v) > SAME_SIZE * ticks.min() for v in recorded_um(data)):
-        return []  # the steps themselves are seen
-    left = fit.residuals_um / ticks
-    groups = [left[feed == f] for f in np.unique(feed)] if several and feed is not None else [left]
-    sizes = np.array([np.sqrt(12 * np.mean(some**2)) for some in groups])
-    kurtosis = float(np.mean(left**4)) / max(float(np.mean(left**2)) ** 2, 1e-300)
-    if np.any(np.abs(sizes - 1) > SAME_SIZE) or kurtosis > MAX_KURTOSIS:
+    late, stated = fit.late, ticks_um(plain.setup, data)
+    ticks = stated + 2 * late * (np.asarray(data.feed_mm_min) / 60 if fit.is_delay else 1.0)
+    if not ticks.min() > 0 or any(
+        recognised(v) > SAME_SIZE * ticks.min() for v in recorded_um(data)
+    ):
+        return []  # latched, or the steps themselves are seen
+    if not fit.scatters_as(ticks, data) or fit.scatters_as(stated, data):
         return []
-    if several:
+    if np.any(stated):
+        return [_another_tick(data, plain.setup, ticks)]
+    if fit.is_delay:
         return [
             f"Touches are {late:.3g} ms late on average, and scatter as a control does that looks "
             f"at the probe every {2 * late:.3g} ms: a servo period that the set-up does not state "
@@ -107,6 +120,22 @@ def _late_by_half_a_tick(data: Touches, plain: TouchModel, moves: Moves, near: F
     ]
 
 
+def _another_tick(data: Touches, setup: Setup, ticks: Floats) -> str:
+    """Say that the tick is another than stated, ``ticks`` (n,), µm."""
+    probe = setup.probe
+    name, given, size = "tick_um", probe.tick_um, float(np.mean(ticks))
+    if probe.servo_period_ms:
+        assert data.feed_mm_min is not None
+        name, given = "servo_period_ms", probe.servo_period_ms
+        size = float(np.mean(60 * ticks / data.feed_mm_min))
+    unit = name.rsplit("_", 1)[1].replace("um", "µm")
+    return (
+        f"Half of the stated tick was taken off every touch, and the touches are off by what is "
+        f"half of another, and scatter as a control does that looks at the probe every {size:.2g} "
+        f"{unit}: probe.{name} = {size:.2g} (not {given:g}) would do exactly this."
+    )
+
+
 @dataclass(frozen=True)
 class _Late:
     """How late touches are on average, ms or µm, and what a fit with it leaves, by freedom."""
@@ -115,6 +144,17 @@ class _Late:
     std: float
     is_delay: bool
     residuals_um: Floats
+
+    def scatters_as(self, ticks: Floats, data: Touches) -> bool:
+        """Whether the residuals are errors of rounding to these ticks, (n,) µm, at each feed."""
+        if not ticks.min() > 0:
+            return False
+        left, feed = self.residuals_um / ticks, data.feed_mm_min
+        several = () if feed is None or not self.is_delay else np.unique(feed)
+        groups = [left[feed == f] for f in several] or [left]
+        sizes = np.array([np.sqrt(12 * np.mean(some**2)) for some in groups])
+        kurtosis = float(np.mean(left**4)) / max(float(np.mean(left**2)) ** 2, 1e-300)
+        return bool(np.all(np.abs(sizes - 1) <= SAME_SIZE) and kurtosis <= MAX_KURTOSIS)
 
 
 def _late(data: Touches, plain: TouchModel, moves: Moves, near: Floats) -> _Late | None:

@@ -16,7 +16,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 from trunnion.base.arguments import checked
-from trunnion.base.checks import choose, instance, named, with_article
+from trunnion.base.checks import choose, instance, named, with_article, within
+from trunnion.base.errors import InputError
 from trunnion.base.frozen import FrozenMapping
 from trunnion.setup.agreement import check
 from trunnion.setup.artefact import UNCERTAINTY, Artefact
@@ -37,6 +38,29 @@ from trunnion.setup.write import (
 AXES = ("X", "Y", "Z", "A", "B", "C")
 
 SPEED = Number(1e-3, 1e7)
+
+PERIODS_MS = (0.01, 50.0)
+"""Servo periods of controls: 1 ms of LinuxCNC, 3 ms of an iTNC 530, 1 to 32 ms of a Sinumerik 840C.
+
+Controls that read the probe with each step of their motors look 50 000 times a second.
+"""
+
+
+@dataclass(frozen=True)
+class _Period:
+    """The time between two looks of a control at its probe, ms."""
+
+    words: str = f"0, or a number from {PERIODS_MS[0]:g} to {PERIODS_MS[1]:g} ms"
+
+    def __call__(self, what: str, value: Any) -> float:
+        period = within(what, value, 0.0)
+        low, high = PERIODS_MS
+        if period == 0 or low <= period <= high:
+            return period
+        units = {"µs": 1e-3, "s": 1e3}
+        meant = [u for u, factor in units.items() if low <= factor * period <= high]
+        asked = f": is it in {meant[0]} ({units[meant[0]] * period:g} ms)?" if meant else ""
+        raise InputError(f"{what}: got {period:g}, expected {self.words}{asked}")
 
 
 @dataclass(frozen=True)
@@ -65,7 +89,7 @@ class Probe(Part):
     tick_um: float = key(0.0, UNCERTAINTY, "travel between two looks at the probe, at every feed")
     length_mm: float = key(150.0, LENGTH, "ball centre to the pivot of a rotary head")
     stem_radius_mm: float | None = key(None, LENGTH, "for collision checks; else half the ball's")
-    servo_period_ms: float = key(0.0, Number(0.0, 1e3), "time between two looks; tick = feed × it")
+    servo_period_ms: float = key(0.0, _Period(), "time between two looks; tick = feed × it")
     calibration_um: float = key(0.0, UNCERTAINTY, "standard uncertainty of the ball's radius")
     stem_length_mm: float | None = key(
         None, LENGTH, "ball centre to the probe's body, for collision checks; else length_mm"
