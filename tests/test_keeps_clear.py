@@ -22,6 +22,7 @@ from sweep_moves import (
     swept,
 )
 from trunnion.machine.chain import Chain, standing_artefact
+from trunnion.probing.notes import assumptions
 from trunnion.setup.holders import CHUCKS, PLATES, VISES
 from trunnion.setup.machines import presets
 from twin.machines import Layout
@@ -389,3 +390,31 @@ def test_a_table_without_size_is_refused_not_a_panic() -> None:
                 overtravel_mm=5.0,
                 rotary_offset_deg=0.0,
             )
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ({"centre_mm": (60.0, 0.0, 0.0)}, "12.5 mm below the top of the table"),
+        ({"centre_mm": (60.0, 0.0, 40.0), "place_mm": (0.0, 0.0, -30.0)}, "2.5 mm below"),
+        ({"centre_mm": (60.0, 0.0, 12.5)}, ""),  # it lies on the table
+    ],
+)
+def test_a_sphere_in_the_table_is_said(keys: dict[str, Any], said: str) -> None:
+    setup = tn.Setup(artefact=tn.Artefact("sphere", diameter_mm=25.0, **keys))
+    plan = tn.plan(setup)
+    notes = [note for note in tn.plan_notes(plan, setup) if "top of the table" in note]
+    assert len(notes) == bool(said)
+    head = tn.probing_program(plan, setup).text()
+    assert ("top of the table, from which heights count" in head) == bool(said)
+    for note in notes:
+        assert said in note
+        assert "is artefact.centre_mm right?" in note
+        assert not any("stem_diameter_mm" in one for one in tn.plan_notes(plan, setup))
+
+
+def test_a_cross_below_the_table_top_is_said() -> None:
+    setup = tn.Setup(artefact=tn.Artefact("cross", place_mm=(0.0, 0.0, -20.0)))
+    (note,) = (n for n in assumptions(setup) if "below the top" in n)
+    assert "reaches 20 mm" in note
+    assert "artefact.place_mm right" in note

@@ -1,5 +1,6 @@
 """Common mistakes of a measurement are named; ordinary machines are not suspected."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -286,7 +287,7 @@ def test_a_wrong_preset_is_named(true: str, given: str) -> None:
 
 
 CROSS = {"kind": "cross"}
-SPHERE = {"kind": "sphere", "diameter_mm": 25.0, "centre_mm": (30.0, 10.0, 80.0)}
+SPHERE: dict[str, Any] = {"kind": "sphere", "diameter_mm": 25.0, "centre_mm": (30.0, 10.0, 80.0)}
 
 
 @pytest.mark.parametrize(
@@ -317,6 +318,29 @@ def test_a_length_wrong_by_a_round_number_is_named(
         assert named == [f"with {text}" for text in expected]
     summary = tn.identify(data, given).summary().replace("\n", " ")
     assert "have a likely cause" in summary
+
+
+@pytest.mark.parametrize("preset", ["trt-ca", "trt-bc"])
+@pytest.mark.parametrize("centre", [(-30.0, 10.0, 80.0), (30.0, 70.0, 80.0), (0.0, 0.0, 120.0)])
+def test_a_centre_of_a_sphere_far_from_where_it_stands_is_named(
+    preset: str, centre: tuple[float, float, float]
+) -> None:
+    """On a table that turns, the touches are off by a vector that turns with it."""
+    stands: dict[str, Any] = {"place_mm": (5.0, -3.0, 2.0), "turn_deg": 30.0}
+    true = tn.Setup(artefact=tn.Artefact(**SPHERE, **stands), machine=tn.Machine(preset=preset))
+    given = replace(true, artefact=replace(true.artefact, centre_mm=centre))
+    for seed in range(3):
+        data = tn.simulate(tn.plan(true), true, errors={"EX0C": 20.0}, noise_um=0.5, seed=seed)
+        for method in (tn.identify, tn.diagnose):
+            with pytest.raises(tn.DataError) as caught:
+                method(data, given)
+            stated = ", ".join(f"{v:g}" for v in centre)
+            said = str(caught.value).partition("Likely cause: ")[2]
+            where = r"with artefact\.centre_mm = \[([\d.]+), ([\d.]+), ([\d.]+)\]"
+            found = re.match(rf"the touches fit to \S+ µm {where} \(not \[{stated}\]\)\.$", said)
+            assert found, said
+            near = np.array([float(one) for one in found.groups()])
+            assert np.allclose(near, SPHERE["centre_mm"], atol=0.11)
 
 
 def test_errors_in_mm_and_places_off_by_more_than_1_mm_are_named() -> None:

@@ -102,7 +102,13 @@ def assumptions(setup: Setup) -> list[str]:
             f"No [table] in the set-up: a table of radius {table.radius_mm:g} mm and thickness "
             f"{table.thickness_mm:g} mm is assumed."
         )
-    if artefact.kind in ("sphere", "spheres") and artefact.stem_diameter_mm is None:
+    if artefact.lowest_mm < 0.0:
+        name = next((n for n in ("centre_mm", "spheres_mm") if getattr(artefact, n)), "place_mm")
+        said.append(
+            f"The {artefact.kind} reaches {-artefact.lowest_mm:.4g} mm below the top of the table, "
+            f"from which heights count: is artefact.{name} right?"
+        )
+    elif artefact.kind in ("sphere", "spheres") and artefact.stem_diameter_mm is None:
         said.append(
             "No stem_diameter_mm in the set-up: the sphere is assumed to stand on a stem of "
             f"{artefact.effective_stem_diameter_mm:.3g} mm."

@@ -233,6 +233,14 @@ class Artefact(Part):
         return (x, y, z if z or self.holder is None else seat_mm(self.holder))
 
     @property
+    def lowest_mm(self) -> float:
+        """Its lowest point above the table top; below 0: in the table."""
+        lowest = min(
+            (z - 0.5 * (self.diameter_mm or 0.0) for *_, z in self.centres_mm), default=0.0
+        )
+        return self.effective_place_mm[2] + lowest
+
+    @property
     def obstacles(self) -> Obstacles:
         """What holds it, by name or by its boxes."""
         x, y = self.extent_mm
