@@ -47,6 +47,7 @@ RUNS = {
     "axislog": 800,
 }
 BINS = 10
+SHOWN = 10  # cases of a bin, from which the picture shows it
 LIMIT = 0.02  # of the expected calibration error
 PERFECT_RUNS = 400  # draws of what true probabilities would show by chance
 HEAD = """# Are the probabilities of a diagnosis true?
@@ -81,6 +82,8 @@ explained by further causes; where it is not, causes of the catalogue imitate it
 knocked by few noises has drifted), and the readings hardly say otherwise.
 
 ![Stated and true probability](../figures/probabilities.png)
+
+Bins of fewer than 10 are not shown.
 """
 
 
@@ -233,7 +236,7 @@ def picture(cases: Sequence[Stated], path: Path) -> None:
             ("all cases", list(cases)),
             ("without an unknown error", [c for c in cases if not c.unknown]),
         ):
-            bins = binned([s for c in some for s in of(c)])
+            bins = [b for b in binned([s for c in some for s in of(c)]) if b[2] >= SHOWN]
             p, t, _ = np.array(bins).T
             ends = [
                 stats.binomtest(round(share * n), n).proportion_ci(method="wilson")
