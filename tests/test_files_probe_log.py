@@ -21,6 +21,8 @@ BAD_LOGS = {
     "rotary": (FIRST + SECOND.replace("180.0001", "180.0011"), ":2:50: C (touch 2): got 180.001100, expected 180.000000 (to 0.001), as planned"),
     "axis not planned": (FIRST.replace("0.000000 90", "5.000000 90") + SECOND, ":1:39: B (touch 1): got 5.000000, expected 0.000000 (to 0.001), as the plan has no B axis"),
     "far": (FIRST + SECOND.replace("50.9987", "56.0013"), ":2:1: X (touch 2): got a touch 5.001 mm from the planned one, expected at most 5 mm from (51.000, 12.500, 1.000)"),
+    "beside": (FIRST + SECOND.replace("12.500000", "13.100000"), ":2:11: Y (touch 2): got a touch 0.600 mm beside the line of its approach, expected at most 0.5 mm"),
+    "beside, from above": (FIRST.replace("37.500012", "36.000000") + SECOND, ":1:1: X (touch 1): got a touch 1.500 mm beside"),
     "six columns": ("1 2 3 4 5 6\n" + SECOND, ":1:11: got 6 fields, expected nine numbers: X Y Z A B C U V W"),
     "not a number": (FIRST.replace("26.003100", "26,003100") + SECOND, ":1:20: Z: got '26,003100', expected a finite number"),
     "nan": (FIRST.replace("26.003100", "-nan") + SECOND, ":1:20: Z: got '-nan', expected a finite number"),

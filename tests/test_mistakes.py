@@ -320,6 +320,25 @@ def test_a_length_wrong_by_a_round_number_is_named(
     assert "have a likely cause" in summary
 
 
+@pytest.mark.parametrize("off_mm", [0.4, 1.5])
+def test_touches_beside_their_approach_are_named(off_mm: float) -> None:
+    """Two touches from above read right 1.5 mm beside where they were planned: the top is flat."""
+    cuboid = tn.Artefact("cuboid", length_mm=80.0, width_mm=60.0, height_mm=30.0)
+    setup = tn.Setup(artefact=cuboid)
+    data = tn.simulate(tn.plan(setup), setup, errors={"EX0C": 20.0}, noise_um=0.5, seed=5)
+    above = np.flatnonzero(data.direction[:, 2] < -0.9)[:2]
+    x_mm = data["x_mm"].copy()
+    x_mm[above] += off_mm
+    for method in (tn.identify, tn.diagnose):
+        assert not any("beside the line" in note for note in method(data, setup).notes)
+        notes = method(data.with_columns(x_mm=x_mm), setup).notes
+        said = [note for note in notes if "beside the line" in note]
+        assert len(said) == (off_mm > 0.5)
+        for note in said:
+            assert note.startswith(f"2 of {len(data)} touches are up to 1.5 mm beside the line")
+            assert f"rows {above[0]} and {above[1]}" in note or f"{above[0]}, {above[1]}" in note
+
+
 @pytest.mark.parametrize("preset", ["trt-ca", "trt-bc"])
 @pytest.mark.parametrize("centre", [(-30.0, 10.0, 80.0), (30.0, 70.0, 80.0), (0.0, 0.0, 120.0)])
 def test_a_centre_of_a_sphere_far_from_where_it_stands_is_named(

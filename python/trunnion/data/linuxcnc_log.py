@@ -26,7 +26,7 @@ from trunnion.base.arguments import checked
 from trunnion.base.input import file_bytes
 from trunnion.base.units import Floats
 from trunnion.data.linuxcnc_runs import NUMBERED, RUN, RUN_LINE, Log, Run
-from trunnion.data.touches import ROTARY_AXES, Touches
+from trunnion.data.touches import BESIDE_MM, ROTARY_AXES, Touches, across_mm
 from trunnion.files.columns import LARGEST, SMALLEST, parse_number
 from trunnion.files.recognised import Recognised
 from trunnion.files.text import Source, decode
@@ -104,7 +104,8 @@ def read_probe_log(path: str | PathLike[str], plan: Touches, setup: Setup | None
         tool length, a touch stands before the first run, the log has no run of the plan, no touch
         or more than were planned, a rotary position differs from the plan's by more than 0.001 deg
         and is no whole turn from it,
-        an axis that the plan lacks is not at 0, or a touch is more than 5 mm from the planned one.
+        an axis that the plan lacks is not at 0, or a touch is more than 5 mm from the planned one,
+        or more than 0.5 mm beside the line of its approach.
         The message names line and column.
 
     Examples
@@ -244,7 +245,7 @@ def _check(log: Log, entries: Sequence[_Entry], plan: Touches) -> None:
                 f"{letter} (touch {entry.row + 1}): got {logged[column]:.6f}, expected "
                 f"{expected[column]:.6f} (to {ROTARY_TOLERANCE_DEG:g}), {why}",
             )
-        distance = float(np.linalg.norm(logged[:3] - expected[:3]))
+        distance = float(np.linalg.norm(off[:3]))
         if distance > DISTANCE_MM:
             x, y, z = expected[:3].tolist()
             raise log.error(
@@ -253,6 +254,16 @@ def _check(log: Log, entries: Sequence[_Entry], plan: Touches) -> None:
                 f"X (touch {entry.row + 1}): got a touch {distance:.3f} mm from the planned "
                 f"one, expected at most {DISTANCE_MM:g} mm from ({x:.3f}, {y:.3f}, {z:.3f})"
                 f"{_in_another_unit(entries, planned)}",
+            )
+        across = across_mm(off[None, :3], plan.direction[[entry.row]])[0]
+        beside, axis = float(np.linalg.norm(across)), int(np.argmax(np.abs(across)))
+        if beside > BESIDE_MM:
+            raise log.error(
+                entry.line,
+                first + axis,
+                f"{NAMES[axis]} (touch {entry.row + 1}): got a touch {beside:.3f} mm beside the "
+                f"line of its approach, expected at most {BESIDE_MM:g} mm, as the program moves "
+                "the ball along it: is it a touch of another program, or was its line changed?",
             )
 
 

@@ -26,6 +26,8 @@ from trunnion.files.table import Table
 
 ROTARY_AXES = ("a", "b", "c")
 UNIT_TOLERANCE = 1e-6
+BESIDE_MM = 0.5
+"""How far a ball may be beside the line of its approach: no following error is so large."""
 
 
 class Touches(Table):
@@ -138,6 +140,12 @@ class Touches(Table):
                 f"the approach direction ({x!r}, {y!r}, {z!r}) of length {length[row]:.9g}",
                 f"a unit vector (to {UNIT_TOLERANCE:g})",
             )
+
+
+def across_mm(way_mm: Floats, direction: Floats) -> Floats:
+    """Return the part of ways that is across unit directions, both (n, 3); (n, 3)."""
+    along = np.sum(way_mm * direction, axis=1, keepdims=True)
+    return np.asarray(way_mm - along * direction)
 
 
 def by_axis(data: Table, what: str) -> Mapping[str, NDArray[Any]]:

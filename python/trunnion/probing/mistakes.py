@@ -27,8 +27,8 @@ from trunnion.probing.model import (
     rounding_um,
     ticks_um,
 )
+from trunnion.probing.place_mistakes import beside, other_centre_mm
 from trunnion.probing.result import NO_PROBE_UM, IdentificationResult
-from trunnion.probing.steps import table_pose
 from trunnion.probing.tick_mistakes import tick_mistakes
 from trunnion.setup import Artefact, AxisSetup, Machine, Probe, Setup
 from trunnion.setup.machines import presets
@@ -115,6 +115,7 @@ def likely_mistakes(
             "Every touch lies where the set-up expects it, the placement of the artefact included: "
             "is this the plan, not what was measured?"
         )
+    said += beside(data)
     if doubt := in_other_units(setup.machine.errors):
         said.append(f"[machine.errors] has {doubt}")
     return (*said, *of_ticks)
@@ -395,7 +396,7 @@ def _changes(data: Touches, setup: Setup) -> Iterator[tuple[str, Any, str]]:
         with suppress(TrunnionError):  # no artefact of its kind
             other = replace(setup.artefact, length_mm=wide, width_mm=long)
             yield "artefact", other, "with artefact.length_mm and width_mm exchanged"
-    if centre := _other_centre_mm(data, setup):
+    if centre := other_centre_mm(data, setup):
         given = setup.artefact.centre_mm
         text = f"with artefact.centre_mm = {_vector(centre)} (not {_vector(given or ())})"
         yield "artefact", replace(setup.artefact, centre_mm=centre), text
@@ -419,30 +420,6 @@ def _changes(data: Touches, setup: Setup) -> Iterator[tuple[str, Any, str]]:
             with suppress(TrunnionError):  # no length, or none of this artefact
                 other = replace(getattr(setup, part), **{name: value})
                 yield part, other, f"with {part}.{name} = {value:g} (not {given:g})"
-
-
-def _other_centre_mm(data: Touches, setup: Setup) -> tuple[float, float, float] | None:
-    """Where the touches put a sphere, artefact frame, to 0.1 mm; None where that is its place.
-
-    The centre that is equally far from all of them as the nominal machine has them on its table.
-    """
-    artefact = setup.artefact
-    if artefact.centre_mm is None or not _of_machine(data, setup):
-        return None
-    turn, shift = table_pose(data, setup)
-    points = np.einsum("nji,nj->ni", turn, data.position_mm - shift) - artefact.effective_place_mm
-    cos, sin = np.cos(np.radians(artefact.turn_deg)), np.sin(np.radians(artefact.turn_deg))
-    points = points @ np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    # |p|² = 2 c·p + (r² - |c|²), from near their middle: no digits are lost.
-    middle = points.mean(axis=0)
-    off = points - middle
-    known = np.column_stack([2.0 * off, np.ones(len(off))])
-    found, _, rank, _ = np.linalg.lstsq(known, np.sum(off**2, axis=1), rcond=None)
-    centre = np.round(middle + found[:3], 1) + 0.0
-    if rank < known.shape[1] or np.linalg.norm(centre - artefact.centre_mm) <= LARGE_UM / 1e3:
-        return None
-    x, y, z = centre.tolist()
-    return x, y, z
 
 
 def _vector(values: Sequence[float]) -> str:
