@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import trunnion as tn
+from trunnion.machine.sizes import length_doubts
 from trunnion.setup.machines import presets
 
 SETUP = tn.Setup(artefact=tn.Artefact("cross"))
@@ -318,6 +319,62 @@ def test_a_length_wrong_by_a_round_number_is_named(
         assert named == [f"with {text}" for text in expected]
     summary = tn.identify(data, given).summary().replace("\n", " ")
     assert "have a likely cause" in summary
+
+
+@pytest.mark.parametrize(
+    ("artefact", "radius", "said"),
+    [
+        ({}, 1.0 / 25.4, ["ball_radius_mm = 0.0393"]),
+        ({}, 3.0 / 25.4, ["ball_radius_mm = 0.118"]),
+        ({"length_mm": 3.15, "width_mm": 2.36, "height_mm": 1.18}, 1.5, ["length_mm = 3.15"]),
+        ({"kind": "sphere", "diameter_mm": 1.0, "centre_mm": (2, 0, 3)}, 1.5, ["diameter_mm = 1"]),
+        ({"length_mm": 3.15, "width_mm": 1.0, "height_mm": 1.0}, 0.0787, ["ball_", "length_"]),
+        ({}, 0.15, []),
+        ({"length_mm": 25.0, "width_mm": 8.0, "height_mm": 5.0}, 0.125, []),
+    ],
+)
+def test_a_set_up_in_inches_is_asked_about(
+    artefact: dict[str, Any], radius: float, said: list[str]
+) -> None:
+    """By its sizes alone: with what is planned and identified, or why nothing can be planned."""
+    without_kind = {key: value for key, value in artefact.items() if key != "kind"}
+    setup = tn.Setup(
+        artefact=tn.Artefact(artefact.get("kind", "cuboid"), **without_kind),
+        probe=tn.Probe(ball_radius_mm=radius),
+    )
+    doubts = length_doubts(setup)
+    assert len(doubts) == len(said)
+    for doubt, text in zip(doubts, said, strict=True):
+        assert text in doubt
+        assert "are these inches (25.4 times as large in mm)" in doubt
+    if artefact and said:  # nothing keeps clear of so small a one
+        with pytest.raises(tn.DataError) as caught:
+            tn.plan(setup)
+        assert str(caught.value).endswith(f"Likely cause: {' '.join(doubts)}")
+        return
+    plan = tn.plan(setup)
+    notes = tn.plan_notes(plan, setup)
+    head = tn.probing_program(plan, setup).text()
+    found = tn.identify(tn.simulate(plan, setup, noise_um=0.5, seed=1), setup).notes
+    for where in (notes, found):
+        assert [one for one in where if "are these inches" in one] == doubts
+    assert head.count("are these inches") == len(doubts)
+
+
+@pytest.mark.parametrize(("factor", "unit"), FACTORS)
+def test_a_probe_or_places_of_axes_in_another_unit_are_named(factor: float, unit: str) -> None:
+    """By the touches, where the other lengths of the set-up are right."""
+    axes = {"A": tn.AxisSetup(point_mm=(0.0, 12.0, -40.0))}
+    true = tn.Setup(artefact=tn.Artefact("cross"), probe=tn.Probe(ball_radius_mm=1.5), axes=axes)
+    data = tn.simulate(tn.plan(true), true, errors={"EX0C": 20.0}, noise_um=0.5, seed=6)
+    wrong = (0.0, factor * 12.0, factor * -40.0)
+    for given, words in (
+        (replace(true, probe=tn.Probe(ball_radius_mm=1.5 * factor)), "the lengths in [probe]"),
+        (replace(true, axes={"A": tn.AxisSetup(point_mm=wrong)}), "the places of the axes"),
+    ):
+        said = likely_cause(tn.identify, data, given)
+        assert words in said, said
+        assert f"are in {unit}" in said
 
 
 @pytest.mark.parametrize("off_mm", [0.4, 1.5])

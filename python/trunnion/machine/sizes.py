@@ -1,4 +1,4 @@
-"""Sizes that location errors of machines have: one far outside is likely in another unit."""
+"""Sizes that errors of machines, artefacts and probes have: one far outside is in another unit."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from trunnion.base.units import unit_of
+from trunnion.data.mistaken import Sizes
+from trunnion.setup import Setup
+from trunnion.setup.artefact import DIMENSIONS
 
 TINY_UM = (1e-3, 0.1)
 """Where the largest position error of no machine lies, but that of one in mm does."""
@@ -26,6 +29,15 @@ PLAUSIBLE = {"µm": 2000.0, "arcsec": 3600.0}
 SURE_SIGMAS = 5.0
 """Standard errors that an estimate is large for before its size is discussed."""
 
+SIZES_OF = ("length_mm", "width_mm", "height_mm", "diameter_mm", "outer_diameter_mm")
+"""Keys of an artefact that say how large it is, not where."""
+
+_UNITS = {"inches": 25.4, "cm": 10.0, "m": 1e3}
+BALL = Sizes(1e-6, 0.125, others=_UNITS, ordinary=(0.5, 6.0))
+"""Radii below this are of no ball of a machine's probe: those of 0.25 mm are the smallest."""
+ARTEFACT = Sizes(1e-6, 8.0, others=_UNITS, ordinary=(10.0, 1000.0))
+"""No artefact is so small in all its dimensions."""
+
 _LETTERS = {"µm": "XYZ", "arcsec": "ABC"}
 
 
@@ -41,6 +53,22 @@ def in_other_units(errors: Mapping[str, float]) -> str:
         if (some := {name: value for name, value in given.items() if name[1] in _LETTERS[unit]})
         and least <= max(map(abs, some.values())) < limit
     )
+
+
+def length_doubts(setup: Setup) -> list[str]:
+    """Ask whether lengths of a set-up are in another unit; empty: no doubt. ASCII."""
+    artefact, radius = setup.artefact, setup.probe.ball_radius_mm
+    names = [n for n in DIMENSIONS[artefact.kind] if n in SIZES_OF]
+    sizes = {n: float(value) for n in names if (value := getattr(artefact, n)) is not None}
+    judged = [("probe", {"ball_radius_mm": radius}, BALL)]
+    if artefact.kind != "none":
+        judged.append(("artefact", sizes, ARTEFACT))
+    return [
+        f"[{table}] {_listed(given)}: {asked}? They are expected in mm."
+        for table, given, rule in judged
+        if rule.least <= max(given.values(), default=0.0) < rule.limit
+        and (asked := rule.asked(max(given.values()), "mm"))
+    ]
 
 
 def size_doubt(errors: Mapping[str, float], std_errors: Mapping[str, float]) -> str:

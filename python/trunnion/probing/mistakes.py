@@ -21,7 +21,14 @@ from trunnion.data.meant import some_rows
 from trunnion.data.mistaken import FACTORS_MM, factors, of_number
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
-from trunnion.machine.sizes import LARGE_ARCSEC, LARGE_UM, SURE_SIGMAS, TINY_UM, in_other_units
+from trunnion.machine.sizes import (
+    LARGE_ARCSEC,
+    LARGE_UM,
+    SURE_SIGMAS,
+    TINY_UM,
+    in_other_units,
+    length_doubts,
+)
 from trunnion.probing.model import (
     TouchModel,
     rounding_um,
@@ -100,8 +107,9 @@ def likely_mistakes(
     setup, said = model.setup, []
     near = model.values(result.errors, result.placement)
     of_ticks = tick_mistakes(data, model, moves, near)
+    by_sight = [*length_doubts(setup), *beside(data)]
     if of_ticks and np.any(ticks_um(setup, data)):  # half of a wrong one is in all the rest
-        return tuple(of_ticks)
+        return (*by_sight, *of_ticks)
     if result.rms_um > NO_PROBE_UM:
         some = some_rows(data)
         before = min(_scatter_um(some, setup), result.rms_um)
@@ -115,7 +123,7 @@ def likely_mistakes(
             "Every touch lies where the set-up expects it, the placement of the artefact included: "
             "is this the plan, not what was measured?"
         )
-    said += beside(data)
+    said += by_sight
     if doubt := in_other_units(setup.machine.errors):
         said.append(f"[machine.errors] has {doubt}")
     return (*said, *of_ticks)
@@ -276,13 +284,23 @@ def _guesses(data: Touches, setup: Setup) -> Iterator[Guess]:
             text = f"if the tool's length was measured {end} (not to its centre)"
             yield Guess(text, meant, setup)
     for what, factor in FACTORS_MM.items():
-        for parts in ("artefact",), ("artefact", "probe"):
+        for parts in ("artefact",), ("artefact", "probe"), ("probe",):
             tables = " and ".join(f"[{part}]" for part in parts)
             with suppress(TrunnionError):  # too large or too small for an artefact
                 scaled: dict[str, Any] = {
                     part: _in_mm(getattr(setup, part), factor) for part in parts
                 }
                 yield Guess(f"if the lengths in {tables} {what}", data, replace(setup, **scaled))
+        if any(axis.point_mm for axis in setup.axes.values()):
+            with suppress(TrunnionError):
+                axes = {
+                    x: replace(axis, point_mm=_times(axis.point_mm, factor))
+                    if axis.point_mm
+                    else axis
+                    for x, axis in setup.axes.items()
+                }
+                placed = replace(setup, axes=axes)
+                yield Guess(f"if the places of the axes (point_mm) {what}", data, placed)
     for part, changes, text in _changes(data, setup):
         with suppress(TrunnionError):  # not a set-up: other axes, a cross without arms
             yield Guess(text, data, replace(setup, **{part: changes}))

@@ -11,6 +11,7 @@ from trunnion.base.statistics import linear_fit
 from trunnion.base.units import without_unit
 from trunnion.data.touches import Touches
 from trunnion.machine.estimate import in_words, named_combination
+from trunnion.machine.sizes import length_doubts
 from trunnion.probing.design import missing_positions
 from trunnion.probing.mistakes import offsets_along_z
 from trunnion.probing.model import TouchModel
@@ -102,6 +103,7 @@ def assumptions(setup: Setup) -> list[str]:
             f"No [table] in the set-up: a table of radius {table.radius_mm:g} mm and thickness "
             f"{table.thickness_mm:g} mm is assumed."
         )
+    said += length_doubts(setup)
     if artefact.lowest_mm < 0.0:
         name = next((n for n in ("centre_mm", "spheres_mm") if getattr(artefact, n)), "place_mm")
         said.append(

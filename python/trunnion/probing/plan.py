@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
 from trunnion.base.arguments import checked
-from trunnion.base.errors import InputError
+from trunnion.base.errors import DataError, InputError
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
-from trunnion.machine.sizes import size_doubt
+from trunnion.machine.sizes import length_doubts, size_doubt
 from trunnion.probing.steps import arrangement, cycle_of
 from trunnion.setup import Setup
 
@@ -123,22 +124,34 @@ def plan(
     names = [f"{(x or '').lower()}_deg" for x in (chain.turning, chain.tilting)]
     stops = _length(turn) + _length(tilt) + _length(positions_deg)
     _few_enough(stops * max(_length(feeds_mm_min), 1) * _count(repeats), names)
-    found = arrangement(setup).plan(
-        turn_deg=_angles(names[0], turn, turn_sense),
-        tilt_deg=_angles(names[1], tilt, tilt_sense),
-        pairs_deg=[(t * tilt_sense, c * turn_sense) for t, c in positions_deg],
-        feeds_mm_min=_numbers("feeds_mm_min", feeds_mm_min, 1),
-        both_senses=both_senses,
-        repeats=_count(repeats),
-        linear_um=setup.resolution.linear_um,
-        rotary_arcsec=setup.resolution.rotary_arcsec,
-        layout=layout,
-        all_faces=all_faces,
-    )
+    with _doubts_named(setup):
+        found = arrangement(setup).plan(
+            turn_deg=_angles(names[0], turn, turn_sense),
+            tilt_deg=_angles(names[1], tilt, tilt_sense),
+            pairs_deg=[(t * tilt_sense, c * turn_sense) for t, c in positions_deg],
+            feeds_mm_min=_numbers("feeds_mm_min", feeds_mm_min, 1),
+            both_senses=both_senses,
+            repeats=_count(repeats),
+            linear_um=setup.resolution.linear_um,
+            rotary_arcsec=setup.resolution.rotary_arcsec,
+            layout=layout,
+            all_faces=all_faces,
+        )
     touches = _touches(chain, _dithered(setup, found) if dither else found)
     cycle = cycle_of(touches, setup)
     cycle.check_ranges()
     return touches.with_columns(time_s=cycle.times()[0])
+
+
+@contextmanager
+def _doubts_named(setup: Setup) -> Iterator[None]:
+    """Add lengths that are likely in another unit to a DataError about faces out of reach."""
+    try:
+        yield
+    except DataError as error:
+        if not (doubts := length_doubts(setup)):
+            raise
+        raise DataError(f"{error}. Likely cause: {' '.join(doubts)}") from None
 
 
 def _default_angles(
