@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 import trunnion as tn
 from controller import Bench, run
-from power.report import count_and_out, write
+from power.report import commit, count_and_out, write
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -260,7 +260,7 @@ def main(count: int, out: Path | None) -> None:
         folder = Path(name) / "run"
         rows = [f"| {_feeds(feeds)} | {_measured(feeds, folder)} |" for feeds in PASSES]
         lines = [*HEAD.format(count=count).splitlines(), *_machines(count, folder)]
-    write([*lines, "", *TWICE.splitlines(), *rows], out)
+    write([*lines, "", commit(), "", *TWICE.splitlines(), *rows], out)
 
 
 def _machines(count: int, folder: Path) -> list[str]:
