@@ -5,6 +5,7 @@ import json
 import pickle
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 import trunnion as tn
 from trunnion.base.report import Result, Table
+from trunnion.base.stored import plain
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -53,6 +55,42 @@ def test_json_and_back_keeps_every_field() -> None:
     assert back == outer()
     assert back.rows.dtype == np.intp
     assert json.loads(outer().to_json())["inner"][0]["spread"] == "inf"
+
+
+@pytest.mark.parametrize(
+    "array",
+    [
+        np.array([[1.5, -0.0], [1e-300, 2.0]]),
+        np.array([1.5, np.inf, np.nan]),
+        np.array([0.1, 2.0], dtype=np.float32),
+        np.array([[True], [False]]),
+        np.array([-3, 1 << 60]),
+        np.array([255], dtype=np.uint8),
+        np.array(["a", "b c"]),
+        np.array([None, "x", 1.5, -np.inf], dtype=object),
+        np.array(2.5),
+        np.zeros((0, 3)),
+    ],
+    ids=lambda array: f"{array.dtype} {array.shape}",
+)
+def test_an_array_is_stored_entry_by_entry(array: NDArray[Any]) -> None:
+    def entries(part: Any) -> Any:
+        if isinstance(part, np.ndarray) and part.ndim:
+            return [entries(one) for one in part]
+        one = part.item() if hasattr(part, "item") else part
+        return str(one) if isinstance(one, float) and not np.isfinite(one) else one
+
+    stored = plain(array)
+    assert repr(stored) == repr(entries(array))  # types and signs of zero, too
+    json.dumps(stored, allow_nan=False)
+
+
+def test_a_table_shows_names_as_they_are() -> None:
+    name = "offset [um] of [red]x[/red] :x:"
+    shown = Table.of("Sizes", ("size [mm]", "[bold]"), [(name, 1.0)]).text()
+    assert name in shown
+    assert "size [mm]" in shown
+    assert "[bold]" in shown
 
 
 def test_a_copy_and_a_pickle_are_equal() -> None:

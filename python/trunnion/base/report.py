@@ -154,21 +154,26 @@ class Table:
         return tuple(tuple(cell_text(cell, self.digits) for cell in row) for row in self.rows)
 
     def to_rich(self) -> RichTable:
-        """Return it for a rich console, without its title, which rich breaks at its width."""
+        """Return it for a rich console, without its title, which rich breaks at its width.
+
+        Cells and headings are shown as they are: a name may have brackets or colons in it.
+        """
         from rich import box
         from rich.table import Table as RichTable
+        from rich.text import Text
 
         table = RichTable(box=box.SIMPLE_HEAD)
         cells = self.cells()
         for index, column in enumerate(self.columns):
             if index:
-                table.add_column(column, justify="right")
+                table.add_column(Text(column), justify="right")
                 continue
             # Names stay whole on a narrow terminal: the numbers beside them wrap.
             short = max((len(row[0]) for row in cells), default=0) <= MAX_NAME_WIDTH
-            table.add_column(column, no_wrap=short, max_width=None if short else MAX_NAME_WIDTH)
+            width = None if short else MAX_NAME_WIDTH
+            table.add_column(Text(column), no_wrap=short, max_width=width)
         for row in cells:
-            table.add_row(*row)
+            table.add_row(*map(Text, row))
         return table
 
     def text(self, width: int = 110) -> str:

@@ -7,12 +7,14 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from functools import cache
+from math import isfinite
 from numbers import Real
 from os import PathLike
 from types import UnionType
 from typing import TYPE_CHECKING, Any, TypeVar, Union, get_args, get_origin
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trunnion.base.errors import FileFormatError, InputError, TrunnionError
 from trunnion.base.input import file_bytes
@@ -22,6 +24,8 @@ if TYPE_CHECKING:
     from cattrs import Converter
 
 C = TypeVar("C")
+
+DOUBLE = np.dtype(np.float64).itemsize
 
 
 def read_json(source: str | PathLike[str]) -> tuple[Any, str]:
@@ -155,8 +159,12 @@ def _stored_number(value: Any) -> float:
 
 def plain(value: Any) -> Any:
     """Return a value as JSON can hold it: arrays as lists, numbers not finite as text."""
+    if type(value) is float:  # nearly all there is
+        return value if isfinite(value) else str(value)
     if value is None or isinstance(value, str | bool):
         return value
+    if isinstance(value, np.ndarray) and _is_plain(value):
+        return value.tolist()
     if isinstance(value, np.generic | np.ndarray):
         return plain(value.tolist())
     if isinstance(value, int):
@@ -176,6 +184,13 @@ def plain(value: Any) -> Any:
     if is_dataclass(value) and not isinstance(value, type):
         return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
     return str(value)
+
+
+def _is_plain(array: NDArray[Any]) -> bool:
+    """Whether every entry of an array is one that JSON holds as it is."""
+    kind = array.dtype.kind
+    finite = kind == "f" and array.dtype.itemsize <= DOUBLE and bool(np.isfinite(array).all())
+    return finite or kind in "biuU"
 
 
 def structured(values: Any, kind: type[C]) -> C:
