@@ -1,5 +1,7 @@
 """Time of a joint diagnosis over that of its measurements one by one, processor time, one thread.
 
+Each is read, too: its summary and all that JSON holds of it, which nothing may put off unnoticed.
+
 Run by ``make bench-joint``. Measurements are those of one machine (`power.one_machine`): what they
 share acts in all of them. ``--apart`` draws each measurement's machine by itself instead, with none
 to three causes (`power.random_cases`): what they say then contradicts, and nobody measures so.
@@ -58,6 +60,13 @@ def apart(kinds: tuple[str, ...], number: int, seed: int) -> tuple[list[Any], An
     return [one.data for one in drawn], setup
 
 
+def read(data: Any, setup: Any) -> None:
+    """Diagnose, and read all that is said of it."""
+    found = tn.diagnose(data, setup)
+    found.summary()
+    found.to_dict()
+
+
 def least(work: Callable[[], Any], rounds: int) -> float:
     """Least processor time of a call: what else the machine does only adds to it."""
     times = []
@@ -85,8 +94,8 @@ def main() -> None:
     for kinds in JOINT:
         for number in range(given.cases):
             data, setup = measured(kinds, number, given.seed)
-            alone = sum(least(partial(tn.diagnose, one, setup), given.rounds) for one in data)
-            together = least(partial(tn.diagnose, data, setup), given.rounds)
+            alone = sum(least(partial(read, one, setup), given.rounds) for one in data)
+            together = least(partial(read, data, setup), given.rounds)
             ratios.append(together / alone)
             spent = [spent[0] + alone, spent[1] + together]
             said = f"{alone * 1e3:7.0f} ms {together * 1e3:7.0f} ms {ratios[-1]:7.2f}"
