@@ -76,22 +76,23 @@ def test_data_and_set_up_may_be_given_in_either_order(words: tuple[str, str, str
 
 
 def test_no_command_overwrites_a_file_unless_forced(tmp_path: Path) -> None:
-    kept = tmp_path / "touches.csv"
-    kept.write_text("measured yesterday")
     commands = [
-        ("plan", SETUP, "--output", str(kept)),
-        ("plan", SETUP, "--program", str(kept)),
-        ("simulate", SETUP, "--output", str(kept)),
-        ("estimate", TOUCHES, SETUP, "--output", str(kept)),
-        ("diagnose", TOUCHES, SETUP, "--html", str(kept)),
-        ("contour", "simulate", "--output", str(kept)),
+        ("touches.csv", "plan", SETUP, "--output"),
+        ("probe.ngc", "plan", SETUP, "--program"),
+        ("touches.csv", "simulate", SETUP, "--output"),
+        ("estimate.json", "estimate", TOUCHES, SETUP, "--output"),
+        ("report.html", "diagnose", TOUCHES, SETUP, "--html"),
+        ("log.csv", "contour", "simulate", "--output"),
     ]
-    for command in commands:
-        assert "touches.csv: the file exists already; give --force" in run(*command, code=2)
+    for name, *command in commands:
+        kept = tmp_path / name
+        kept.write_text("measured yesterday")
+        assert f"{name}: the file exists already; give --force" in run(*command, str(kept), code=2)
         assert kept.read_text() == "measured yesterday"
+    kept = tmp_path / "touches.csv"
     run("plan", SETUP, "--output", str(kept), "--force")
     assert len(tn.read_touches(kept)) == 72
-    assert list(tmp_path.iterdir()) == [kept]
+    assert {path.name for path in tmp_path.iterdir()} == {name for name, *_ in commands}
 
 
 def test_every_command_has_the_same_options() -> None:
