@@ -283,8 +283,8 @@ def test_a_program_of_a_plan_that_does_not_fit_the_set_up_is_refused() -> None:
 def test_a_stem_beside_a_face_keeps_clear_of_it_on_a_table_that_leans() -> None:
     """Of a face along the stem: depth × lean must be less than what the ball stands out, 0.1 mm.
 
-    The offsets of both axes are taken to lean the table. Faces that the stem would meet are left
-    out.
+    That of C turns it about its own axis. Faces that the stem would meet are left out, which the
+    notes on the plan and the head of its program say.
     """
     setup = tn.Setup(
         tn.Artefact("cuboid", length_mm=60.0, width_mm=60.0, height_mm=40.0, tolerance_mm=0.5),
@@ -300,12 +300,50 @@ def test_a_stem_beside_a_face_keeps_clear_of_it_on_a_table_that_leans() -> None:
     for offset_deg, is_clear in ((0.1, True), (0.3, False)):
         control = replace(setup.control, rotary_offset_deg=offset_deg)
         shifted = replace(setup, control=control)
-        assert bool(deepest(plan) * np.tan(np.radians(2 * offset_deg)) < 0.1) is is_clear
+        assert bool(deepest(plan) * np.tan(np.radians(offset_deg)) < 0.1) is is_clear
         kept = tn.plan(shifted)
         assert deepest(kept) == (deepest(plan) if is_clear else 0.0)
+        taken = f"took {len(plan) - len(kept)} of the {len(plan)} touches"
+        heads = tn.plan_notes(kept, shifted), (tn.probing_program(kept, shifted).text(),)
+        for head in heads:
+            assert any(taken in line for line in head) is not is_clear
         assert len(tn.probing_program(kept, shifted).cycle.steps) == len(kept) > 0
     with pytest.raises(tn.DataError, match=r"rotary axes within 0\.3 deg of theirs: rows"):
         tn.probing_program(plan, shifted)
+
+
+def test_the_first_look_allows_for_axes_far_from_the_table() -> None:
+    """An axis that is off by 0.3° moves a contact by that times its distance from the axis."""
+    machine = {
+        "machine": tn.Machine("trt-ca"),
+        "axes": {"A": tn.AxisSetup(point_mm=(0, 0, -200.0))},
+    }
+    setup = tn.Setup(
+        tn.Artefact("cuboid", length_mm=60.0, width_mm=60.0, height_mm=40.0), **machine
+    )
+    setup = replace(setup, plan=replace(setup.plan, clearance_mm=9.0, overtravel_mm=9.0))
+    off = replace(setup, control=replace(setup.control, rotary_offset_deg=0.3))
+    plan = tn.plan(off)
+    allowed = []
+    for given in (setup, off):
+        cycle = tn.probing_program(plan, given).cycle
+        allowed.append(cycle.look_mm(cycle.looks[0]))
+    contact = np.array(cycle.looks[0].contact)
+    by_a = np.linalg.norm(contact[1:] - (0.0, -200.0))  # A turns about X
+    by_c = np.linalg.norm(contact[:2])
+    assert allowed[1] - allowed[0] >= np.radians(0.3) * (by_a + by_c)
+
+
+def test_a_refusal_by_the_offset_names_it() -> None:
+    setup = tn.Setup(
+        tn.Artefact("cuboid", length_mm=60.0, width_mm=60.0, height_mm=40.0),
+        probe=tn.Probe(ball_radius_mm=1.0, stem_radius_mm=0.9),
+    )
+    setup = replace(setup, plan=replace(setup.plan, clearance_mm=20.0, overtravel_mm=20.0))
+    off = replace(setup, control=replace(setup.control, rotary_offset_deg=5.0))
+    assert len(tn.plan(setup, c_deg=(), a_deg=(90.0,)))
+    with pytest.raises(tn.DataError, match=r"can be reached .* and control\.rotary_offset_deg"):
+        tn.plan(off, c_deg=(), a_deg=(90.0,))
 
 
 def test_a_sweep_beyond_the_tolerance_finds_the_collision() -> None:

@@ -229,6 +229,9 @@ class Arrangement:
     ) -> tuple[float, np.ndarray[tuple[int], np.dtype[np.float64]]]:
         """Z above all that swings, and above everything at each row's posture, mm."""
 
+    def offset_shift_mm(self, distance_mm: float) -> float:
+        """How far offsets of the rotary axes move a point so far from the table's top, mm."""
+
     def blocked_moves(self, moves: Moves, reach_mm: Sequence[float]) -> list[int]:
         """Rows of moves from their starts that ball and stem cannot make."""
 

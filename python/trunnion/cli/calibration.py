@@ -166,6 +166,7 @@ def _planned(
     """Write what was asked for, and say what was planned."""
     from trunnion.probing.design import missing_positions
     from trunnion.probing.notes import plan_notes
+    from trunnion.probing.steps import taken_by_offset
 
     shown = []
     minutes = 0.0 if planned.time_s is None else float(planned.time_s[-1]) / 60
@@ -184,7 +185,7 @@ def _planned(
         "notes": list(notes),
     }
     if not shown:
-        for note in missing_positions(planned, made):
+        for note in (*taken_by_offset(planned, made), *missing_positions(planned, made)):
             warnings.warn(note, UserWarning, stacklevel=1)
         return Answer(values, (planned.to_csv().rstrip("\n"),))
     said = f"{len(planned)} touches, about {minutes:.1f} min of moves."

@@ -63,6 +63,9 @@ class Step:
 class Cycle:
     """What a probing program does.
 
+    offset_mm: How far offsets of the rotary axes move a point at the origin of the table's frame,
+    and so much more with each mm from there.
+    notes: On the plan, for the header; ASCII.
     frame_before: Work offset and tool length of the runs that it goes on with, as their log says.
     measured: Numbers of the touches in a log of runs before, `measured_in`; None: no log is known.
     """
@@ -71,6 +74,8 @@ class Cycle:
     letters: tuple[str, ...]
     swing: float
     steps: Sequence[Step]
+    offset_mm: tuple[float, float]
+    notes: tuple[str, ...] = ()
     name: str = "plan"
     plan_hash: str = ""
     log: str = "touches.log"
@@ -129,10 +134,9 @@ class Cycle:
     def look_mm(self, look: Step) -> float:
         """How far the contact of a look may be from where it is planned."""
         artefact, reach = self.setup.artefact, math.hypot(*look.contact)
-        control = self.setup.control
-        off = artefact.tolerance_deg + len(self.letters) * control.rotary_offset_deg
-        turned = math.radians(off) * reach
-        return artefact.tolerance_mm + turned + control.centre_tolerance_mm
+        turned = math.radians(artefact.tolerance_deg) * reach
+        turned += self.offset_mm[0] + self.offset_mm[1] * reach
+        return artefact.tolerance_mm + turned + self.setup.control.centre_tolerance_mm
 
     def _begin(self) -> Iterator[Move]:
         """Moves before the first touch; what may be in the way stops those to the touches."""

@@ -59,6 +59,7 @@ def _said(cycle: Cycle) -> Iterator[str]:
     yield f"ranges in {control.wcs}: {ranges}"
     yield from cycle.said_before()
     yield from assumptions(setup)
+    yield from cycle.notes
     yield from fast_approaches([step.feed for step in cycle.steps], setup)
     yield f"time: about {cycle.times()[1] / 60:.1f} min without pauses"
     yield f"log: {cycle.log}"

@@ -15,6 +15,7 @@ from trunnion.machine.sizes import length_doubts
 from trunnion.probing.design import missing_positions
 from trunnion.probing.mistakes import offsets_along_z
 from trunnion.probing.model import TouchModel
+from trunnion.probing.steps import offset_too, taken_by_offset
 from trunnion.setup import Setup
 from trunnion.setup.artefact import HOLDERS
 
@@ -47,7 +48,12 @@ def plan_notes(plan: Touches, setup: Setup) -> tuple[str, ...]:
     Keeps clear as long as the artefact stands within 2 mm and 1 deg of its place.
     """
     feeds = () if plan.feed_mm_min is None else plan.feed_mm_min.tolist()
-    return (*assumptions(setup), *fast_approaches(feeds, setup), *_not_identifiable(plan, setup))
+    return (
+        *assumptions(setup),
+        *taken_by_offset(plan, setup),
+        *fast_approaches(feeds, setup),
+        *_not_identifiable(plan, setup),
+    )
 
 
 def fast_approaches(feeds_mm_min: Sequence[float], setup: Setup) -> list[str]:
@@ -96,7 +102,7 @@ def assumptions(setup: Setup) -> list[str]:
     artefact, table = setup.artefact, setup.table
     said = [
         f"Keeps clear as long as the artefact stands within {artefact.tolerance_mm:g} mm and "
-        f"{artefact.tolerance_deg:g} deg of its place."
+        f"{artefact.tolerance_deg:g} deg of its place{offset_too(setup)}."
     ]
     if table.is_assumed:
         said.append(

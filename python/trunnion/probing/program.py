@@ -25,7 +25,7 @@ from trunnion.probing.cycle import Cycle, Frame
 from trunnion.probing.linuxcnc import program_text
 from trunnion.probing.notes import check_feeds
 from trunnion.probing.on_table import on_table
-from trunnion.probing.steps import check_clear, cycle_of, with_starts
+from trunnion.probing.steps import check_clear, cycle_of, taken_by_offset, with_starts
 from trunnion.setup import Setup
 from trunnion.setup.control import WORK_OFFSETS
 
@@ -192,6 +192,7 @@ def probing_program(
         start_at=start_at,
         dry_run=dry_run,
         frame=frame,
+        notes=tuple(taken_by_offset(ready, setup)),
         frame_before={} if continues is None else _frame_before(continues, named_by, frame),
     )
     if start_at > 1:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -46,12 +48,14 @@ def cycle_of(plan: Touches, setup: Setup) -> Cycle:
     """Return what a program of a plan with starts and feeds does."""
     chain = Chain(setup)
     rotary = chain.to_machine(plan.rotary_deg, len(plan))
-    swing, levels = arrangement(setup).safe_levels(rotary)
+    arranged = arrangement(setup)
+    swing, levels = arranged.safe_levels(rotary)
     return Cycle(
         setup=setup,
         letters=tuple(chain.letters),
         swing=_up(swing),
         steps=_steps(plan, setup, levels),
+        offset_mm=(at_top := arranged.offset_shift_mm(0.0), arranged.offset_shift_mm(1.0) - at_top),
     )
 
 
@@ -109,15 +113,60 @@ def check_clear(plan: Touches, setup: Setup) -> None:
         raise DataError(
             f"plan: got touches that run into something or find nothing with the artefact within "
             f"{artefact.tolerance_mm:g} mm and {artefact.tolerance_deg:g} deg of its place"
-            f"{_offset_too(setup)}: {places(plan, found, MAX_NAMED)}; expected a plan of this "
+            f"{offset_too(setup)}: {places(plan, found, MAX_NAMED)}; expected a plan of this "
             "set-up (artefact, place, tolerance, table, probe, clearance)"
         )
 
 
-def _offset_too(setup: Setup) -> str:
+def offset_too(setup: Setup) -> str:
     """Say what rotary axes may be off by, where that is anything."""
     off = setup.control.rotary_offset_deg
     return f", rotary axes within {off:g} deg of theirs" if off else ""
+
+
+def taken_by_offset(plan: Touches, setup: Setup) -> list[str]:
+    """Say how many touches the plan has not because rotary axes may be off, where it is any.
+
+    Of those at the plan's positions of the axes, each once.
+    """
+    off, chain = setup.control.rotary_offset_deg, Chain(setup)
+    if not off:
+        return []
+    machine = dict(zip(chain.letters, chain.to_machine(plan.rotary_deg, len(plan)).T, strict=True))
+    turn, tilt = (machine.get(x or "", np.zeros(0)) for x in (chain.turning, chain.tilting))
+    both = len(turn) and len(tilt)
+    each: dict[str, Any] = {
+        "turn_deg": [] if both else np.unique(turn).tolist(),
+        "tilt_deg": [] if both else np.unique(tilt).tolist(),
+        "pairs_deg": sorted(set(zip(tilt.tolist(), turn.tolist(), strict=True))) if both else [],
+    }
+    places = np.round(np.column_stack([plan.position_mm, plan.direction]), 2)
+    own = len(np.unique(np.column_stack([*machine.values(), places]), axis=0))
+
+    def reached(known: Setup, *, all_faces: bool) -> int:
+        return len(
+            arrangement(known).plan(
+                **each,
+                feeds_mm_min=[1.0],
+                both_senses=False,
+                repeats=1,
+                linear_um=setup.resolution.linear_um,
+                rotary_arcsec=setup.resolution.rotary_arcsec,
+                layout="side",
+                all_faces=all_faces,
+            )["feed_mm_min"]
+        )
+
+    all_faces = own > reached(setup, all_faces=False)
+    without = replace(setup, control=replace(setup.control, rotary_offset_deg=0.0))
+    count = reached(without, all_faces=all_faces)
+    taken = count - reached(setup, all_faces=all_faces)
+    if not taken:
+        return []
+    return [
+        f"rotary_offset_deg = {off:g} of [control] took {taken} of the {count} touches that can be "
+        "made at these positions of the axes."
+    ]
 
 
 def table_pose(touches: Touches, setup: Setup) -> tuple[Floats, Floats]:

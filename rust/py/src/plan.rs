@@ -134,6 +134,11 @@ impl Arrangement {
         Ok((self.inner.swing_level(self.above()), array(py, levels.collect())?))
     }
 
+    /// How far offsets of the rotary axes move a point at this distance from the table's top, mm.
+    fn offset_shift_mm(&self, #[pyo3(from_py_with = finite)] distance_mm: f64) -> f64 {
+        self.inner.offset.shift(distance_mm)
+    }
+
     /// Rows of moves from their starts that ball and stem cannot make with the artefact anywhere
     /// within its tolerance.
     fn blocked_moves(

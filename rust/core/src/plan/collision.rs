@@ -81,13 +81,16 @@ struct Obstacle {
 pub struct RotaryOffset {
     /// Of all axes under the table together, rad.
     pub angle: f64,
+    /// Of those that tilt the table: its own axis only turns it, rad.
+    pub lean: f64,
     /// How far these axes may pass from the origin of the table's frame, mm.
     pub reach: f64,
 }
 
 impl RotaryOffset {
     /// How far it moves a point at this distance from the origin of the table's frame, mm.
-    fn shift(&self, distance: f64) -> f64 {
+    #[must_use]
+    pub fn shift(&self, distance: f64) -> f64 {
         self.angle * (self.reach + distance)
     }
 }
@@ -323,12 +326,12 @@ impl Surroundings {
         std::iter::once(Stand(Pose::identity())).chain(off).chain(self.tilted()).collect()
     }
 
-    /// The artefact leaning by the offset of the rotary axes, in [`LEANS`] directions; so much more
+    /// The artefact leaning by the offset of the axes that tilt, in [`LEANS`] directions; so much more
     /// that it leans by the offset in every direction between them.
     fn tilted(&self) -> impl Iterator<Item = Stand> {
         let step = std::f64::consts::TAU / LEANS as f64;
-        let tilt = Direction::X.rotation(self.offset.angle / (0.5 * step).cos());
-        let count = if self.offset.angle > 0.0 { LEANS } else { 0 };
+        let tilt = Direction::X.rotation(self.offset.lean / (0.5 * step).cos());
+        let count = if self.offset.lean > 0.0 { LEANS } else { 0 };
         (0..count).map(move |lean| {
             let around = Direction::Z.rotation(step * lean as f64);
             self.stand(around * tilt * around.transpose(), Vector3::zeros())
@@ -466,7 +469,7 @@ mod tests {
     use super::*;
 
     const TABLE: [f64; 2] = [150.0, 30.0];
-    const EXACT: RotaryOffset = RotaryOffset { angle: 0.0, reach: 0.0 };
+    const EXACT: RotaryOffset = RotaryOffset { angle: 0.0, lean: 0.0, reach: 0.0 };
     const STYLUS: Stylus =
         Stylus { ball_radius: 1.0, stem_radius: 0.5, length: 100.0, body: [0.0; 2] };
 

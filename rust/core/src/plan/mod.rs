@@ -99,6 +99,8 @@ pub struct Arrangement {
     pub artefact: Artefact,
     places: Places,
     around: Surroundings,
+    /// How far the control may have the table turned.
+    pub offset: RotaryOffset,
 }
 
 impl Arrangement {
@@ -118,11 +120,16 @@ impl Arrangement {
     ) -> Result<Self> {
         let (under, seat) = offsets_under(&machine, places);
         let reach = under.iter().map(|place| place.norm()).sum::<f64>() + seat;
-        let offset = RotaryOffset { angle: offset * under.len() as f64, reach };
+        let tilting = under.len() - usize::from(turns_table(&machine));
+        let offset = RotaryOffset {
+            angle: offset * under.len() as f64,
+            lean: offset * tilting as f64,
+            reach,
+        };
         let around = Surroundings::new(&artefact, fixture, table, offset)?;
         let mut places = *places;
         fixture.add_to(&machine, &mut places);
-        Ok(Self { machine, artefact, places, around })
+        Ok(Self { machine, artefact, places, around, offset })
     }
 
     fn posture(&self, rotary: &[f64]) -> Posture {
@@ -183,6 +190,15 @@ fn offsets_under(machine: &Machine, places: &Places) -> (Vec<Vector3<f64>>, f64)
         (rotary.side == Side::Workpiece).then(|| Vector3::new(frame[0], frame[1], frame[2]))
     });
     (offsets.collect(), machine.seat().map_or(0.0, |seat| seat.norm()))
+}
+
+/// Whether the last axis under the table turns it about its own normal.
+fn turns_table(machine: &Machine) -> bool {
+    let last = machine.rotary().iter().rfind(|axis| axis.side == Side::Workpiece);
+    last.is_some_and(|axis| {
+        let normal = machine.top_rotation() * Vector3::z();
+        axis.direction().normalize().dot(&normal).abs() > 1.0 - 1e-6
+    })
 }
 
 struct Position {
@@ -258,11 +274,12 @@ pub fn plan(
         reached.push(planner.touches(position, axes.rotary(position, options.rotary_resolution)));
     }
     if reached.iter().all(Vec::is_empty) {
-        return Err(Error::Data(
+        let offset = arrangement.offset.angle > 0.0;
+        return Err(Error::Data(format!(
             "no face of the artefact can be reached at any of these positions: check the \
-             clearance, the stylus, the artefact's size and the tolerance of its place"
-                .into(),
-        ));
+             clearance, the stylus, the artefact's size and the tolerance of its place{}",
+            if offset { ", and control.rotary_offset_deg" } else { "" }
+        )));
     }
     let rounds = request.feeds.len().max(if request.both_senses { 2 } else { 1 });
     let mut senses = Senses::new();
