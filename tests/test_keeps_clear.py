@@ -314,13 +314,9 @@ def test_a_stem_beside_a_face_keeps_clear_of_it_on_a_table_that_leans() -> None:
 
 def test_the_first_look_allows_for_axes_far_from_the_table() -> None:
     """An axis that is off by 0.3° moves a contact by that times its distance from the axis."""
-    machine = {
-        "machine": tn.Machine("trt-ca"),
-        "axes": {"A": tn.AxisSetup(point_mm=(0, 0, -200.0))},
-    }
-    setup = tn.Setup(
-        tn.Artefact("cuboid", length_mm=60.0, width_mm=60.0, height_mm=40.0), **machine
-    )
+    axes = {"A": tn.AxisSetup(point_mm=(0.0, 0.0, -200.0))}
+    artefact = tn.Artefact("cuboid", length_mm=60.0, width_mm=60.0, height_mm=40.0)
+    setup = tn.Setup(artefact, tn.Machine("trt-ca"), axes=axes)
     setup = replace(setup, plan=replace(setup.plan, clearance_mm=9.0, overtravel_mm=9.0))
     off = replace(setup, control=replace(setup.control, rotary_offset_deg=0.3))
     plan = tn.plan(off)

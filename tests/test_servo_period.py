@@ -97,3 +97,26 @@ def test_a_display_is_no_clock() -> None:
         shown = {f"{x}_mm": step_mm * np.round(exact[f"{x}_mm"] / step_mm) for x in "xyz"}
         assert servo_period_ms(exact.with_columns(**shown)) == 0.0
     assert other_period_ms(exact, 1.0) == 0.0
+
+
+def test_touches_of_two_passes_are_recorded_at_one_feed() -> None:
+    """Plan, program and what they are expected to show say the same."""
+    once = with_period(1.0)
+    twice = replace(once, plan=replace(once.plan, slow_feed_mm_min=30.0))
+    plan = tn.plan(once, feeds_mm_min=(60.0, 600.0))
+    for refused in (
+        lambda: tn.plan(twice, feeds_mm_min=(60.0, 600.0)),
+        lambda: tn.probing_program(plan, twice),
+    ):
+        with pytest.raises(tn.DataError, match=r"feeds of 60, 600 .* slow_feed_mm_min = 30"):
+            refused()
+    alike = [
+        {name for names in tn.observability(plan, setup).alike for name in names}
+        for setup in (once, twice)
+    ]
+    assert "trigger_delay" in alike[1] - alike[0]
+    noisy = replace(once.probe, repeatability_um=0.1)
+    one_feed = tn.plan(twice)
+    expected = tn.observability(one_feed, replace(twice, probe=noisy)).noise_um
+    assert expected == pytest.approx(np.hypot(0.1, 0.5 / np.sqrt(12)))
+    assert len(tn.probing_program(one_feed, twice).cycle.steps) == len(one_feed)

@@ -215,11 +215,11 @@ def simulate(
     ] = None,
 ) -> Answer:
     """Simulate a measurement on a machine with errors."""
+    from trunnion.probing.steps import as_recorded
+
     setup, planned = _plan_and_set_up(files)
-    slow = setup.plan.slow_feed_mm_min
     plan = planned  # its hash names it in the log
-    if slow:  # the pass that measures
-        planned = plan.with_columns(feed_mm_min=[slow] * len(plan))
+    planned = as_recorded(plan, setup)
     effects: dict[str, dict[str, float]] = {}
     for name, value in named_values("--effect", effect).items():
         owner, dot, parameter = name.partition(".")

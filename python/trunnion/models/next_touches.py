@@ -112,8 +112,9 @@ def next_touches(d: Diagnosis, n: int = 8) -> Touches:
     """Plan the n touches that best distinguish a diagnosis' alternatives, or sharpen its cause.
 
     Chosen from what the machine can reach: the artefact's faces at C and the tilting axis every
-    30 degrees and at combinations, from both senses of turning, at two feeds, after the
-    measurement. What they are expected to show is in :func:`expected_discrimination`.
+    30 degrees and at combinations, from both senses of turning, at two feeds (one, where a second
+    pass records all touches at its own), after the measurement. What they are expected to show is
+    in :func:`expected_discrimination`.
 
     Raises
     ------
@@ -203,7 +204,7 @@ def _pool(model: TouchDiagnosisModel) -> Touches:
     free = {letter: replace(x, range_mm=None, range_deg=None) for letter, x in setup.axes.items()}
     made = plan(
         replace(setup, axes=free),
-        feeds_mm_min=(usual, usual / 3),
+        feeds_mm_min=(usual,) if setup.plan.slow_feed_mm_min else (usual, usual / 3),
         both_senses=True,
         positions_deg=pairs if tilting and turning else (),
         all_faces=True,

@@ -22,6 +22,7 @@ from trunnion.machine.unnoticed import unnoticed
 from trunnion.probing.design import missing_positions
 from trunnion.probing.inputs import certificate
 from trunnion.probing.model import TouchModel, catalogue, known_sigma_um
+from trunnion.probing.steps import as_recorded
 from trunnion.setup import Setup
 
 EXACT = 1e-9
@@ -165,7 +166,7 @@ def observability(
     Parameters
     ----------
     plan
-        A plan, or touches.
+        A plan, or touches. With `slow_feed_mm_min` in ``[plan]`` they are recorded at that feed.
     setup, effects
         Machine, artefact and probe; ids of effects to estimate together with the location errors
         and the placement. All the others of the catalogue are judged as well.
@@ -189,6 +190,7 @@ def observability(
     """
     instance("plan", plan, Touches, "Touches, as plan or read_touches gives them")
     instance("setup", setup, Setup, "a Setup, as read_setup gives it")
+    plan = as_recorded(plan, setup)
     sigma = positive(
         "noise_um", known_sigma_um(setup, plan) or 1.0 if noise_um is None else noise_um
     )

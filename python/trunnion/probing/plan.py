@@ -14,7 +14,7 @@ from trunnion.base.errors import DataError, InputError
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
 from trunnion.machine.sizes import length_doubts, size_doubt
-from trunnion.probing.steps import arrangement, cycle_of
+from trunnion.probing.steps import arrangement, check_feeds_recorded, cycle_of
 from trunnion.setup import Setup
 
 MAX_DEG = 3600.0
@@ -60,7 +60,8 @@ def plan(
         (A = 0 on a ``trt-ca``); (0, 90, 180, 270) unless given. Those of the axis that tilts are
         with the other at zero; ±90° from there unless given.
     feeds_mm_min
-        Feeds of the approaches; with several every touch is made at each.
+        Feeds of the approaches; with several every touch is made at each. Touches are recorded at
+        `slow_feed_mm_min` of ``[plan]``, where it is given: there is one then.
     both_senses
         Approach every position of the axes from both senses of turning. Feeds and senses take
         turns, so that two feeds and both senses double the plan, not quadruple it.
@@ -94,7 +95,8 @@ def plan(
         Angles, feeds or repeats that are no numbers or missing, an axis that the machine lacks; a
         clearance or an overtravel within the tolerance of the artefact's place.
     DataError
-        No face can be reached; a move beyond the range of an axis in the set-up.
+        No face can be reached; several feeds beside `slow_feed_mm_min`; a move beyond the range of
+        an axis in the set-up.
 
     Examples
     --------
@@ -119,6 +121,7 @@ def plan(
     for feed in feeds_mm_min if not isinstance(feeds_mm_min, str) else ():
         if isinstance(feed, int | float) and not 0 < feed < float("inf"):
             raise InputError(f"feeds_mm_min: got {feed!r}, expected positive numbers")
+    check_feeds_recorded(_numbers("feeds_mm_min", feeds_mm_min, 1), setup)
     sense = dict(zip(chain.letters, chain.senses.tolist(), strict=True))
     turn_sense, tilt_sense = (sense.get(x or "", 1.0) for x in (chain.turning, chain.tilting))
     names = [f"{(x or '').lower()}_deg" for x in (chain.turning, chain.tilting)]

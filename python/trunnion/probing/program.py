@@ -25,7 +25,13 @@ from trunnion.probing.cycle import Cycle, Frame
 from trunnion.probing.linuxcnc import program_text
 from trunnion.probing.notes import check_feeds
 from trunnion.probing.on_table import on_table
-from trunnion.probing.steps import check_clear, cycle_of, taken_by_offset, with_starts
+from trunnion.probing.steps import (
+    check_clear,
+    check_feeds_recorded,
+    cycle_of,
+    taken_by_offset,
+    with_starts,
+)
 from trunnion.setup import Setup
 from trunnion.setup.control import WORK_OFFSETS
 
@@ -143,7 +149,8 @@ def probing_program(
     Raises
     ------
     DataError
-        A plan without feeds, and none given; a touch that ball and stem cannot make, or that finds
+        A plan without feeds, and none given, or with several beside `slow_feed_mm_min`, at which
+        all would be recorded; a touch that ball and stem cannot make, or that finds
         nothing, with the artefact anywhere within its tolerance; a feed at which the ball goes on
         behind the contact by more than the overtravel; a move beyond the range of an axis
         in the set-up; an axis "not turned" that turns before in the order of the plan.
@@ -175,6 +182,7 @@ def probing_program(
     ready = with_starts(plan, setup, feed_mm_min)
     check_clear(ready, setup)
     if ready.feed_mm_min is not None:
+        check_feeds_recorded(ready.feed_mm_min.tolist(), setup)
         check_feeds(ready.feed_mm_min.tolist(), setup)
     frame = _frame(setup, corrected=corrected, tcp=tcp)
     named = on_table(plan, setup) if tcp else plan

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -94,6 +94,23 @@ def with_starts(plan: Touches, setup: Setup, feed: float | None) -> Touches:
         starts = plan.position_mm - setup.plan.clearance_mm * plan.direction
         added |= {f"start_{axis}_mm": starts[:, i] for i, axis in enumerate("xyz")}
     return plan.with_columns(**added) if added else plan
+
+
+def check_feeds_recorded(feeds_mm_min: Sequence[float], setup: Setup) -> None:
+    """Refuse several feeds where every touch is recorded at that of its second pass."""
+    slow, feeds = setup.plan.slow_feed_mm_min, sorted(set(feeds_mm_min))
+    if slow and len(feeds) > 1:
+        raise DataError(
+            f"plan: got feeds of {', '.join(f'{feed:g}' for feed in feeds)} mm/min beside [plan] "
+            f"slow_feed_mm_min = {slow:g}, at which every touch is recorded; expected one feed, or "
+            "slow_feed_mm_min = 0: two feeds tell nothing then"
+        )
+
+
+def as_recorded(plan: Touches, setup: Setup) -> Touches:
+    """Return a plan with the feeds at which its touches are recorded: of a second pass, if any."""
+    slow = setup.plan.slow_feed_mm_min
+    return plan.with_columns(feed_mm_min=np.full(len(plan), slow)) if slow else plan
 
 
 def check_clear(plan: Touches, setup: Setup) -> None:
