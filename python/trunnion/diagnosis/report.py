@@ -85,7 +85,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     named = set(f.effects).union(*(a.causes for a in alternatives))
     lost, parts = _absorbed(kept, e.candidates, std, grown)
     others = Others.of(kept, grown, variance) if std or is_small(kept) else None
-    weak = unnoticed_of(kept, grown, std, others)
+    weak = unnoticed_of(kept, grown, std, others, lost)
     contributions, ladder = contributions_of(kept, case.given or plain, grown, rows)
     known = _uncertainty(kept, f, doubt, shape, sigma, variance)
     in_doubt = (*notes_of_structure(model, open_, std), *notes_of_shape(model, f, shape, std))
@@ -101,7 +101,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         errors_std=std,
         doubt=doubts,
         rivals=rivals,
-        unnoticed=parts | {k: text for k, text in weak.items() if k not in lost},
+        unnoticed=parts | weak,
         outliers=tuple(sorted({int(r) for r in model.readings.rows[dropped]})),
         not_identifiable=_not_identifiable(case, plain, f, std) | lost,
         structure=structure_of(source, e, kept, f, wide),

@@ -122,7 +122,7 @@ class Diagnosis(Result):
     unnoticed:
         Id of an effect that is not named → how much of it can stay unnoticed, and what it would do
         to the location error that it shifts most; first those of which a combination of parameters
-        changes no reading, then what else is among the worst three, worst first.
+        changes no reading, then the worst three of the others, worst first.
     none_probability:
         That no cause of the catalogue acts of a size that the readings would show: noise, or
         structure that none of them makes. Smaller ones may act.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,9 +76,12 @@ class _Columns(Mapping[str, Floats]):
 
 
 def unnoticed_of(
-    case: Case, f: Fit, std: dict[str, float], others: Others | None
+    case: Case, f: Fit, std: dict[str, float], others: Others | None, lost: Collection[str]
 ) -> dict[str, str]:
-    """Effects beside a fit that may be there unnoticed, and what they would do to an error."""
+    """Effects beside a fit that may be there unnoticed, and what they would do to an error.
+
+    lost: Those that are absorbed, of which that is said.
+    """
     if others is None or not std:
         return {}
     names = names_of(case.model, f)
@@ -90,6 +93,7 @@ def unnoticed_of(
         std,
         ABSORBED_SHARE,
         others.noticed,
+        lost,
     )
 
 

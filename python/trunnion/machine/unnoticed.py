@@ -1,6 +1,6 @@
 """Effects too small to be noticed that shift an error of the machine all the same."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 from scipy import special
@@ -26,6 +26,7 @@ def unnoticed(
     std: Mapping[str, float],
     absorbed: float,
     noticed: float = NOTICED,
+    without: Collection[str] = (),
 ) -> dict[str, str]:
     """Say what effects of a plausible size that stay unnoticed would do, the worst ones first.
 
@@ -44,6 +45,8 @@ def unnoticed(
         Share of an effect up to which what is left of it beside the fit counts as nothing.
     noticed
         Standard errors from which an effect is noticed (:func:`noticed_with`).
+    without
+        Ids of effects of which something else is said.
 
     Returns
     -------
@@ -56,9 +59,9 @@ def unnoticed(
     least = np.array([max(std[names[i]], ROUNDING) for i in known])
     found: dict[str, tuple[float, str, float, int, float]] = {}
     for parameter, along, left, whole in _beside(jacobian, cofactor, columns):
-        if left <= absorbed * whole:
-            continue
         effect, name = parameter.split(".", 1)
+        if left <= absorbed * whole or effect in without:
+            continue
         size = min(noticed / left, ASSUMED_SIZE.get(unit_of(name), 1.0))
         ratio = np.abs(along[known]) * size / least
         worst = int(np.argmax(ratio))

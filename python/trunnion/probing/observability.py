@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
@@ -64,7 +64,7 @@ class Observability(Result):
         its standard error are left out.
     unnoticed
         Id of an effect that is not in `bias` → how much of it can stay unnoticed, and what it would
-        do to the location error that it shifts most; those among the worst three, worst first.
+        do to the location error that it shifts most; the worst three of these, worst first.
     alike
         Sets of effects of which each can take the place of the others together: pairs and larger
         sets, smallest first; none contains another.
@@ -215,7 +215,7 @@ def observability(
     visible = {name: left[name] for name, share in shares.items() if share > MIN_SHARE_LEFT}
     absorbed = tuple(name for name, share in shares.items() if share <= MIN_SHARE_LEFT)
     bias = _bias(setup, plain, columns, sigma)
-    weak = _unnoticed(setup, plain, columns, sigma)
+    weak = _unnoticed(setup, plain, columns, sigma, bias)
     return Observability(
         names=names,
         rank=found.rank,
@@ -226,7 +226,7 @@ def observability(
         combinations=tuple(named_combination(names, row) for row in found.combinations),
         not_identifiable_effects=absorbed,
         bias=bias,
-        unnoticed={k: text for k, text in weak.items() if k not in bias},
+        unnoticed=weak,
         alike=dependent_sets(visible),
         missing_columns=missing,
         share_left=shares,
@@ -307,9 +307,16 @@ def _bias(setup: Setup, plain: Floats, columns: dict[str, Floats], sigma: float)
 
 
 def _unnoticed(
-    setup: Setup, plain: Floats, columns: dict[str, Floats], sigma: float
+    setup: Setup,
+    plain: Floats,
+    columns: dict[str, Floats],
+    sigma: float,
+    without: Collection[str],
 ) -> dict[str, str]:
-    """Say what effects that may be there unnoticed would do to a location error."""
+    """Say what effects that may be there unnoticed would do to a location error.
+
+    without: Ids of those of which something else is said.
+    """
     model = TouchModel(setup)
     found = linear_fit(plain / sigma, np.zeros(len(plain)))
     std = dict(zip(model.error_names, map(float, found.std), strict=False))
@@ -319,7 +326,13 @@ def _unnoticed(
             names = (f"{entry.id}.{p.name}" for p in entry.parameters)
             single |= dict(zip(names, columns[entry.id].T / sigma, strict=True))
     return unnoticed(
-        plain / sigma, found.cofactor, model.unknown_names, single, std, MIN_SHARE_LEFT
+        plain / sigma,
+        found.cofactor,
+        model.unknown_names,
+        single,
+        std,
+        MIN_SHARE_LEFT,
+        without=without,
     )
 
 
