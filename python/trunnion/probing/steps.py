@@ -50,12 +50,13 @@ def cycle_of(plan: Touches, setup: Setup) -> Cycle:
     rotary = chain.to_machine(plan.rotary_deg, len(plan))
     arranged = arrangement(setup)
     swing, levels = arranged.safe_levels(rotary)
+    at_top = arranged.offset_shift_mm(0.0)
     return Cycle(
         setup=setup,
         letters=tuple(chain.letters),
         swing=_up(swing),
         steps=_steps(plan, setup, levels),
-        offset_mm=(at_top := arranged.offset_shift_mm(0.0), arranged.offset_shift_mm(1.0) - at_top),
+        offset_mm=(at_top, arranged.offset_shift_mm(1.0) - at_top),
     )
 
 
