@@ -80,7 +80,8 @@ class MachineErrors:
         `errors` is a mapping, or an estimate (its effects are taken unless given separately), or a
         `MachineErrors`. Location errors that are not given are those of the set-up file, else zero.
 
-        An estimate with a location error or an effect that its data do not identify is refused.
+        An estimate is refused with a location error or an effect that its data do not identify, and
+        where the axes of the set-up are others than those that it was made with.
         """
         chain = Chain(setup)
         if isinstance(errors, MachineErrors):
@@ -92,6 +93,9 @@ class MachineErrors:
         effects = effects or (errors if isinstance(errors, Estimate) else None)
         estimates = [given for given in (errors, effects) if isinstance(given, Estimate)]
         std_errors = {k: v for given in estimates for k, v in given.std_errors.items()}
+        for one in estimates:
+            if one.geometry is not None:
+                one.geometry.refuse_other(setup)
         errors = errors.errors if isinstance(errors, Estimate) else errors
         effects = effects.effects if isinstance(effects, Estimate) else effects
         expected = (

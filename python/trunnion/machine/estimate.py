@@ -29,6 +29,7 @@ from trunnion.machine.budget import (
     root,
 )
 from trunnion.machine.effects import Moving, Owner, effect_id
+from trunnion.machine.geometry import Geometry
 from trunnion.machine.linear_axes import FieldMotion, LinearMotion, motion_from_dict
 
 SECOND_ORDER = 1e-3
@@ -127,6 +128,9 @@ class Estimate(Result):
         `names`: readings, and what the set-up states of probe and artefact.
     tolerances
         Of location errors, as the set-up states them, µm and arcsec.
+    geometry
+        The axes that the location errors refer to: with a set-up that has others, they are
+        refused. None: not stated.
 
     Examples
     --------
@@ -152,6 +156,7 @@ class Estimate(Result):
     not_compensable: dict[str, str] = field(default_factory=dict)
     sources: tuple[Source, ...] = ()
     tolerances: dict[str, float] = field(default_factory=dict)
+    geometry: Geometry | None = None
 
     def __post_init__(self) -> None:
         """Keep the shape of a covariance of nothing."""

@@ -41,6 +41,7 @@ from trunnion.models.parts import (
     ExtendedJoint,
     Part,
     are_alike,
+    fields_of,
     joined_components,
     joined_covariates,
     joined_dictionary,
@@ -481,7 +482,7 @@ class JointModel(Model):
         machine = {x.name for x in self.nuisance if x.owner is Owner.MACHINE}
         found = [e for e in self.effects if e.id in effects]
         return ExtendedJoint(
-            measurements=tuple(p.name for p in self.parts),
+            **fields_of(self.parts),
             errors={k: v for k, v in named.items() if k in machine},
             placement={k: v for k, v in named.items() if k not in machine},
             effects={k: dict(v) for k, v in effects.items()},

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +18,8 @@ from trunnion.diagnosis.records import units_of
 from trunnion.diagnosis.scan import Dictionary
 from trunnion.diagnosis.whitening import Scaled, Whiten, Whiteners
 from trunnion.machine.estimate import Estimate
+from trunnion.machine.geometry import made_with
+from trunnion.setup import Setup
 
 MAX_KEPT = 8  # predictions of a part
 
@@ -209,3 +212,13 @@ class ExtendedJoint(Estimate):
     """
 
     measurements: tuple[str, ...]
+
+
+def fields_of(parts: Sequence[Part]) -> dict[str, Any]:
+    """Return fields of :class:`ExtendedJoint`: names, and what the location errors refer to."""
+    known: dict[str, Any] = {"measurements": tuple(p.name for p in parts)}
+    for p in parts:
+        setup = getattr(p.model, "setup", None)
+        if isinstance(setup, Setup) and p.model.location_errors(p.model.start, {}):
+            return known | made_with(setup)
+    return known

@@ -34,6 +34,7 @@ from trunnion.diagnosis.model import TURNED, Covariate, Model, Nuisance, Reading
 from trunnion.diagnosis.own_effects import with_own
 from trunnion.machine.effects import EffectInfo, Owner, senses
 from trunnion.machine.estimate import Estimate
+from trunnion.machine.geometry import made_with
 from trunnion.models.ballbar.effects import ballbar_length
 from trunnion.models.ballbar.model import MIN_REACH
 from trunnion.models.rotary.motions import MIN_OF_A_SENSE, periods
@@ -214,7 +215,7 @@ class RotaryTestModel(Model):
             setup=self.setup,
             errors={k: v for k, v in named.items() if k in errors},
             placement={k: v for k, v in named.items() if k not in errors},
-            tolerances=dict(self.setup.machine.tolerance),
+            **made_with(self.setup),
             **self.estimated(effects, uncertainty, NOT_CATALOGUED, self._known.chain.effects),
         )
 

@@ -29,6 +29,7 @@ from trunnion.machine.budget import Input
 from trunnion.machine.chain import Chain
 from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner
 from trunnion.machine.estimate import Estimate
+from trunnion.machine.geometry import made_with
 from trunnion.models.warming import settled
 from trunnion.probing.identify import mistakes_in
 from trunnion.probing.inputs import inputs_of, stated_of, turning
@@ -415,7 +416,7 @@ class TouchDiagnosisModel(Model):
             effects={own.get(k, k): dict(v) for k, v in effects.items()},
             owners={e.id: e.owner for e in self.effects if e.id in effects},
             not_compensable={k: "it has no motion(pose, values)" for k in fixed if k in effects},
-            tolerances=dict(self.setup.machine.tolerance),
+            **made_with(self.setup),
             **({} if uncertainty is None else uncertainty.fields()),
         )
 

@@ -15,6 +15,7 @@ from trunnion.base.resolution import ANY_PLACE, grown
 from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import PLACEMENT
+from trunnion.machine.geometry import made_with
 from trunnion.probing.estimated import estimated
 from trunnion.probing.model import (
     TouchModel,
@@ -147,6 +148,7 @@ def _solved(data: Touches, setup: Setup, method: str, *, is_printed: bool) -> Cl
         sees=SEES_PRINTED if is_printed else SEES_SEPARATING,
         slips=tuple(_core.closed_form_slips()) if is_printed else (),
         notes=said,
+        **made_with(setup),
     )
 
 

@@ -23,6 +23,7 @@ from trunnion.data.touches import Touches
 from trunnion.machine.budget import Source, of_readings
 from trunnion.machine.effects import PLACEMENT, Effect, Moving, UserEffect, split_effects
 from trunnion.machine.estimate import Estimate, named_combination
+from trunnion.machine.geometry import made_with
 from trunnion.machine.stated import Stated, contradiction
 from trunnion.probing.estimated import estimated
 from trunnion.probing.inputs import certificate, inputs_of
@@ -322,7 +323,7 @@ def _result(
         combinations=tuple(named_combination(names, row) for row in found.combinations),
         at_bound=_at_end_of_search(model, data, values[:built_in]),
         weights=found.weights,
-        tolerances=dict(model.setup.machine.tolerance),
+        **made_with(model.setup),
     )
 
 

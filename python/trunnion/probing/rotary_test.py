@@ -23,6 +23,7 @@ from trunnion.data.rotary_test import READINGS, RotaryTest
 from trunnion.machine.budget import of_readings
 from trunnion.machine.chain import Chain
 from trunnion.machine.estimate import Estimate, named_combination
+from trunnion.machine.geometry import made_with
 from trunnion.probing.rotary_acting import Acting
 from trunnion.probing.rotary_readings import Relation, RotaryReadings, RotaryTestSettings, commanded
 from trunnion.setup import Setup
@@ -309,12 +310,12 @@ def _result(
         degrees_of_freedom=degrees,
         combinations=tuple(named_combination(names, row) for row in fit.combinations),
         sources=of_readings(covariance, sigma, "µm", 0.0, degrees),
-        tolerances=dict(problem.setup.machine.tolerance),
         offsets_um=_by_group(problem.groups, x[count:]),
         offsets_std_um=_by_group(problem.groups, std[count:]),
         residuals_um=off,
         converged=converged,
         bar_length_um=bar,
+        **made_with(problem.setup),
     )
 
 

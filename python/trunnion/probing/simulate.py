@@ -76,7 +76,8 @@ def simulate(
     InputError
         Noise without a seed, negative noise or tick, unknown names.
     DataError
-        A move that does not meet the artefact, a column that an effect needs and the plan lacks.
+        A move that does not meet the artefact, a column that an effect needs and the plan lacks; an
+        estimate that was made with other axes than those of the set-up.
 
     Warns
     -----
@@ -92,6 +93,8 @@ def simulate(
     15.0
     """
     if isinstance(errors, Estimate):
+        if errors.geometry is not None:
+            errors.geometry.refuse_other(setup)
         placement = errors.placement if placement is None else placement
         effects = errors.effects if effects is None else effects
         errors = errors.errors

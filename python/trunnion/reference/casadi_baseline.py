@@ -18,6 +18,7 @@ from trunnion.base.errors import DataError
 from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
 from trunnion.machine.estimate import named_combination
+from trunnion.machine.geometry import made_with
 from trunnion.probing.result import IdentificationResult
 from trunnion.reference.casadi_model import (
     EFFECTS,
@@ -294,4 +295,5 @@ def _result(model: Model, rows: Rows, found: _Solution) -> IdentificationResult:
         degrees_of_freedom=freedom,
         converged=found.converged,
         combinations=tuple(named_combination(names, row / scale) for row in vt[rank:]),
+        **made_with(model.setup),
     )

@@ -17,6 +17,7 @@ from trunnion.diagnosis.model import FINEST_NOISE, Covariate, Model, Nuisance, R
 from trunnion.diagnosis.noise import Channel, whitener
 from trunnion.diagnosis.own_effects import with_own
 from trunnion.machine.estimate import Estimate
+from trunnion.machine.geometry import made_with
 from trunnion.models.axis_log.checks import check_axis, check_loops, check_servo, has_tip
 from trunnion.models.axis_log.columns import Places, Signals, on_readings
 from trunnion.models.axis_log.effects import (
@@ -414,6 +415,7 @@ class AxisLogModel(Model):
             servo=changed_servo(self.servo, self._signals.axes, effects),
             errors=errors,
             **fields,
+            **(made_with(self.setup) if errors else {}),
         )
 
 
