@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import trunnion as tn
+from trunnion.data import frame
 from trunnion.files.table import Table
 from trunnion.models import examples
 from trunnion.models.kinds import Kind, kinds
@@ -31,8 +32,8 @@ def test_readings_are_what_another_noise_changes(
 
 @pytest.mark.parametrize("kind", kinds(), ids=lambda kind: kind.name)
 def test_every_column_of_positions_has_one_role(kind: Kind) -> None:
-    """A column in mm, µm, degrees or µm/m is either, but for what describes cut and level."""
-    cut = {"depth_mm", "diameter_mm", "turn_deg"}
+    """A column in mm, µm, degrees or µm/m is either, but for what describes cut, level, control."""
+    cut = {"depth_mm", "diameter_mm", "turn_deg", *frame.COLUMNS}
     for name, column in resolve_name(kind.data).kinds.items():
         length = name.endswith(("_mm", "_um", "_deg", "_um_m"))
         assert column.observed + column.commanded == (length and name not in cut), name

@@ -67,7 +67,7 @@ class ModelCompensation:
     @checked
     def of(cls, setup: Setup, errors: Known, effects: Effects = None) -> ModelCompensation:
         """Make it from errors and effects, or from a result that has them."""
-        return cls(MachineErrors.of(setup, errors, effects))
+        return cls(MachineErrors.to_compensate(setup, errors, effects))
 
     def control_model(self, setup: Setup) -> tuple[_core.MachineModel, list[float]]:
         """Return the identified machine; no zeros are changed."""
@@ -111,7 +111,7 @@ class InverseCompensation:
     ) -> InverseCompensation:
         """Make it from errors and effects, or from a result that has them."""
         positive("largest_turn_deg", largest_turn_deg)
-        known = MachineErrors.of(setup, errors, effects)
+        known = MachineErrors.to_compensate(setup, errors, effects)
         known.refuse_own(
             "its motion says nothing of the tool direction; use ModelCompensation or error_map"
         )

@@ -227,7 +227,7 @@ def compensation_forecast(
     >>> round(found.parameters.centres_um["EX0C"], 6)
     15.0
     """
-    known, where = MachineErrors.of(setup, estimate), work_space(setup)
+    known, where = MachineErrors.to_compensate(setup, estimate), work_space(setup)
     # Parameters and tool direction follow no motion of the linear axes; the fields below have them.
     parameters = cnc_parameters(setup, replace(known, own=()), **where.arguments())
     ways: dict[str, Compensation | None] = {NOTHING: None, PARAMETERS: parameters}

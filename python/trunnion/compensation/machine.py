@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, TypeAlias
 
@@ -14,6 +14,7 @@ from trunnion.base.arguments import checked
 from trunnion.base.checks import choose, finite, named, numbers
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.units import Floats
+from trunnion.data.frame import ControlFrame
 from trunnion.machine.chain import Chain
 from trunnion.machine.effects import (
     PLACEMENT,
@@ -25,6 +26,7 @@ from trunnion.machine.effects import (
     split_effects,
 )
 from trunnion.machine.estimate import Estimate
+from trunnion.machine.geometry import Geometry
 from trunnion.setup import Setup
 
 Effects: TypeAlias = Estimate | Mapping[Any, Mapping[str, float]] | None
@@ -58,6 +60,10 @@ class MachineErrors:
     ignored
         Ids of effects that take no part: those of probe, artefact and time do not move the tool on
         the work, others say nothing that a compensation could use.
+    geometry
+        The axes that they refer to; None: not stated.
+    control_frame
+        That of the control that measured them; None: not stated.
     """
 
     errors: Mapping[str, float] = field(default_factory=dict)
@@ -65,6 +71,25 @@ class MachineErrors:
     own: tuple[OwnMotion, ...] = ()
     placement: Mapping[str, float] = field(default_factory=dict)
     ignored: tuple[str, ...] = ()
+    geometry: Geometry | None = None
+    control_frame: ControlFrame | None = None
+
+    @classmethod
+    def to_compensate(
+        cls,
+        setup: Setup,
+        errors: Known = None,
+        effects: Effects = None,
+        placement: Mapping[str, float] | None = None,
+    ) -> MachineErrors:
+        """Sort what a compensation is made from, as :meth:`of` does.
+
+        A frame of the control is refused in which these are no errors of the joints.
+        """
+        made = cls.of(setup, errors, effects, placement)
+        if made.control_frame is not None:
+            made.control_frame.refuse_to_compensate(setup)
+        return made
 
     @classmethod
     @checked
@@ -89,6 +114,8 @@ class MachineErrors:
                 raise InputError(
                     "effects, placement: got both them and MachineErrors, expected one"
                 )
+            if errors.geometry is not None:
+                errors.geometry.refuse_other(setup)
             return errors
         effects = effects or (errors if isinstance(errors, Estimate) else None)
         estimates = [given for given in (errors, effects) if isinstance(given, Estimate)]
@@ -115,12 +142,14 @@ class MachineErrors:
             own=own,
             placement={name: finite(name, value) for name, value in (placement or {}).items()},
             ignored=ignored,
+            geometry=next(filter(None, (one.geometry for one in estimates)), None),
+            control_frame=next(filter(None, (one.control_frame for one in estimates)), None),
         )
 
     def only(self, ids: Container[str]) -> MachineErrors:
         """Return the location errors with those effects of the machine that have these ids."""
         effects = {name: values for name, values in self.effects.items() if name in ids}
-        return MachineErrors(errors=self.errors, effects=effects)
+        return replace(self, effects=effects, own=(), placement={}, ignored=())
 
     def refuse_own(self, why: str) -> None:
         """Refuse motions of the user's own where only the machine's model is followed."""

@@ -264,7 +264,7 @@ def error_map(
     positive("rotary_step_deg", rotary_step_deg)
     resolution = setup.resolution.linear_um if resolution_um is None else resolution_um
     least = within("resolution_um", resolution, 0.0)
-    known = MachineErrors.of(setup, errors, effects)
+    known = MachineErrors.to_compensate(setup, errors, effects)
     letters = Chain(setup).letters
     given = {"A": a_deg, "B": b_deg, "C": c_deg}
     spread = {

@@ -266,7 +266,7 @@ def cnc_parameters(
     """
     for group in groups:
         choose("groups", group, GROUPS)
-    known = MachineErrors.of(setup, errors, effects, placement)
+    known = MachineErrors.to_compensate(setup, errors, effects, placement)
     known.refuse_own("parameters of a control cannot follow it")
     if method == "direct":
         return _direct(setup, known, groups)

@@ -37,7 +37,7 @@ def known_errors(setup: Setup, estimate: Known, *, any_size: bool) -> MachineErr
     Raises DataError: an error that the measurement does not identify.
     Raises InputError: one that is not plausible, unless `any_size`.
     """
-    known = MachineErrors.of(setup, estimate)
+    known = MachineErrors.to_compensate(setup, estimate)
     for name, value in known.errors.items():
         limit = PLAUSIBLE[unit_of(name)]
         if not any_size and abs(value) > limit:

@@ -25,6 +25,7 @@ import numpy as np
 from trunnion.base.arguments import checked
 from trunnion.base.input import file_bytes
 from trunnion.base.units import Floats
+from trunnion.data.frame import COLUMNS, ControlFrame
 from trunnion.data.linuxcnc_runs import NUMBERED, RUN, RUN_LINE, Log, Run
 from trunnion.data.touches import BESIDE_MM, ROTARY_AXES, Touches, across_mm
 from trunnion.files.columns import LARGEST, SMALLEST, parse_number
@@ -88,6 +89,8 @@ def read_probe_log(path: str | PathLike[str], plan: Touches, setup: Setup | None
         without one whose line in a numbered log is cut off, with fewer fields or decimals and no
         end of line, which `recognised` says. Their places are the lines of the log, with the
         touch's number.
+        The frame that the control had stands in the columns `wcs_x_mm` to `corrected`,
+        where the log says it.
         Numbered logs: of the last measurement, which is a run from touch 1 and those that went on
         with it; a touch that was made again counts as it was made last. An axis that is whole turns
         from the plan is at the same posture, but did not turn as planned: its `_dir` column is left
@@ -120,15 +123,18 @@ def read_probe_log(path: str | PathLike[str], plan: Touches, setup: Setup | None
     name = str(path)
     log = Log(name, decode(name, file_bytes(path)).split("\n"))
     notes: tuple[str, ...] = ()
+    frame = ControlFrame()
     if log.heads:
-        entries, notes = _numbered(log, plan, None if setup is None else setup.control.centre_mm)
+        centre_mm = None if setup is None else setup.control.centre_mm
+        entries, notes, frame = _numbered(log, plan, centre_mm)
     else:
         entries = _in_order(log, plan)
     _check(log, entries, plan)
     rows = np.array([entry.row for entry in entries], dtype=np.intp)
     logged = np.array([entry.values for entry in entries])
     x_mm, y_mm, z_mm = logged[:, :3].T
-    made = plan[rows].with_columns(x_mm=x_mm, y_mm=y_mm, z_mm=z_mm)
+    columns = dict.fromkeys(COLUMNS) | frame.columns(len(rows))
+    made = plan[rows].with_columns(x_mm=x_mm, y_mm=y_mm, z_mm=z_mm, **columns)
     feeds = [entry.feed for entry in entries]
     if None not in feeds:
         made = made.with_columns(feed_mm_min=np.array(feeds, dtype=float))
@@ -295,8 +301,8 @@ def _touches(count: int) -> str:
 
 def _numbered(
     log: Log, plan: Touches, centre_mm: Sequence[float] | None
-) -> tuple[list[_Entry], tuple[str, ...]]:
-    """Return the touches of the last measurement of a plan, and notes on what else there is."""
+) -> tuple[list[_Entry], tuple[str, ...], ControlFrame]:
+    """Return the touches of the last measurement of a plan, notes on others, and its frame."""
     runs, skipped = log.runs()
     ours, others = log.of_plan(runs, plan_hash(plan))
     found, before, cut = _last_measurement(log, runs, ours, plan)
@@ -306,8 +312,9 @@ def _numbered(
     lines = {entry.line for entry in found.values()}
     used = [run for run in ours if not lines.isdisjoint(run.touches)]
     log.check_frame(used)
-    frame = log.said_of_frame(used[-1], centre_mm)
-    return list(found.values()), (*skipped, *others, *before, *cut, *frame)
+    known = ([run for run in used if log.frame(run)] or used)[-1]
+    notes = (*skipped, *others, *before, *cut, *log.said_of_frame(known, centre_mm))
+    return list(found.values()), notes, ControlFrame.of_words(log.frame(known))
 
 
 def _last_measurement(

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from trunnion.base.errors import FileFormatError
+from trunnion.data.frame import SAME_FRAME_MM, ControlFrame
 from trunnion.files.columns import parse_number
 
 NUMBERED = ("touch", "feed", *"XYZABC")
@@ -30,9 +31,6 @@ STATE_LINE = (
     r"(?P<rotary>(?: [ABC] \S+)*)(?: (?P<mode>[a-z]+))?\s*"
 )
 """What a run says of the control behind its first line; earlier ones ended with the tool length."""
-SAME_FRAME_MM = 1e-4  # far less than a touch repeats to
-SAME_PLACE_MM = 1e-3
-SAME_ANGLE_DEG = 1e-3
 CALLED = {"length": "tool length", "mode": "kinematics"}
 """What people call parts of a frame that are none of the work offset."""
 MAX_OTHERS = 5
@@ -205,40 +203,10 @@ class Log:
         return frame | {x.lower(): at for x, at in zip(rotary[::2], rotary[1::2], strict=True)}
 
     def said_of_frame(self, run: Run, centre_mm: Sequence[float] | None) -> tuple[str, ...]:
-        """Say what keeps what is identified in the frame of a run from being compensated.
-
-        A compensation in the control turns by its joints about `centre_mm`, and takes errors as
-        those of the machine without corrections. ``centre_mm``: None, it is not stated.
-        """
+        """Say what keeps what is identified in the frame of a run from being compensated."""
         frame, line = self.frame(run), self._frame_line(run) + 1
-        said = f"Line {line} of {self.file}"
-        notes = []
-        at = [parse_number(frame.get(axis, "")) for axis in "xyz"]
-        if centre_mm is not None and None not in at:
-            off = float(np.linalg.norm(np.subtract(np.array(at, dtype=float), centre_mm)))
-            if off > SAME_PLACE_MM:
-                found = ", ".join(f"{v:.6g}" for v in at if v is not None)
-                stated = ", ".join(f"{v:.6g}" for v in centre_mm)
-                notes.append(
-                    f"{said}: {frame['wcs']} was at {found}, {off:.3g} mm from control.centre_mm = "
-                    f"[{stated}]. Location errors are about the axes of that work offset: state "
-                    f"centre_mm = [{found}] before a compensation, which would turn about axes "
-                    "that far off."
-                )
-        for axis in "abc":
-            turned = parse_number(frame.get(axis, "0"))
-            if turned is not None and abs(turned) > SAME_ANGLE_DEG:
-                notes.append(
-                    f"{said}: {frame['wcs']} shifts {axis.upper()} by {turned:.6g} deg. Angles are "
-                    "those of that work offset, a compensation turns by those of the joint: before "
-                    "one, move the zero of the joint (HOME_OFFSET) by as much, and measure again."
-                )
-        if frame.get("mode") == "corrected":
-            notes.append(
-                f"{said}: measured with the control's corrections on. What is identified is what "
-                "they leave; a compensation by it would take their place: measure without them."
-            )
-        return tuple(notes)
+        found = ControlFrame.of_words(frame).hindrances(centre_mm, frame.get("wcs", ""))
+        return tuple(f"Line {line} of {self.file}: {said}" for said in found)
 
     def _frame_line(self, run: Run) -> int:
         return min(run.line + 1, len(self.lines) - 1)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats
+from trunnion.data.frame import COLUMNS, SAME_FRAME_MM, ControlFrame
 from trunnion.files.columns import (
     ColumnError,
     Int,
@@ -66,6 +67,16 @@ class Touches(Table):
     start_x_mm = OptionalNumber("X of the ball centre at the start of the approach", commanded=True)
     start_y_mm = OptionalNumber("Y of the ball centre at the start of the approach", commanded=True)
     start_z_mm = OptionalNumber("Z of the ball centre at the start of the approach", commanded=True)
+    wcs_x_mm = OptionalNumber("X of the work offset in machine coordinates, alike in all rows")
+    wcs_y_mm = OptionalNumber("Y of the work offset in machine coordinates, alike in all rows")
+    wcs_z_mm = OptionalNumber("Z of the work offset in machine coordinates, alike in all rows")
+    wcs_a_deg = OptionalNumber("how far the work offset shifts A, alike in all rows")
+    wcs_b_deg = OptionalNumber("how far the work offset shifts B, alike in all rows")
+    wcs_c_deg = OptionalNumber("how far the work offset shifts C, alike in all rows")
+    tool_length_mm = OptionalNumber("tool length in force, alike in all rows")
+    corrected = OptionalInteger(
+        "1: with the control's corrections on, 0: without, alike in all rows", among=(0, 1)
+    )
 
     @cached_property
     def position_mm(self) -> Floats:
@@ -84,6 +95,11 @@ class Touches(Table):
         return None if x is None or y is None or z is None else stack(x, y, z)
 
     @cached_property
+    def control_frame(self) -> ControlFrame | None:
+        """Work offset, tool length and corrections of the control; None if nothing is said."""
+        return ControlFrame.of_columns(self.columns) if len(self) else None
+
+    @cached_property
     def rotary_deg(self) -> Mapping[str, Floats]:
         """Commanded positions of the rotary axes that the data have, by letter: a, b, c."""
         return by_axis(self, "deg")
@@ -96,12 +112,14 @@ class Touches(Table):
     def followed_by(self, later: "Touches") -> "Touches":
         """Put touches that were made later below these: one measurement, nothing having moved.
 
-        Those of `next_touches` are meant so. Columns that only one of both has are left out.
+        Those of `next_touches` are meant so. Columns that only one of both has are left out, but
+        for those of the control's frame, which is that of all.
 
         Raises
         ------
         InputError
-            Their times begin before these end: expected are times of one clock.
+            Their times begin before these end: expected are times of one clock. Or the control's
+            frame was changed between them.
 
         Examples
         --------
@@ -110,16 +128,29 @@ class Touches(Table):
         >>> len(touches[:60].followed_by(touches[60:]))
         72
         """
-        names = [name for name in self.columns if name in later.columns]
-        parts = [
-            one.with_columns(**dict.fromkeys({*one.columns} - {*names})) for one in (self, later)
-        ]
+        frame = self._frame_with(later)
+        both = [one.with_columns(**frame.columns(len(one))) for one in (self, later)]
+        names = [name for name in both[0].columns if name in both[1].columns]
+        parts = [one.with_columns(**dict.fromkeys({*one.columns} - {*names})) for one in both]
         if "time_s" in names and later["time_s"].min() < self["time_s"].max():
             raise InputError(
                 f"time_s: got touches from {later['time_s'].min():g} s on that follow others up to "
                 f"{self['time_s'].max():g} s, expected later ones of one clock: add the pause"
             )
         return Touches.concatenate(parts)
+
+    def _frame_with(self, later: "Touches") -> ControlFrame:
+        """Return the frame of touches that others follow; refuse two that differ."""
+        first, then = self.control_frame or ControlFrame(), later.control_frame or ControlFrame()
+        found = first.differs(then)
+        if found is not None:
+            name, before, after = found
+            raise InputError(
+                f"{name}: got {after:g} in the touches that follow, expected {before:g} as in "
+                "those before: the control was changed between them, and they lie in two frames. "
+                "Measure all of them with one work offset, tool length and kinematics"
+            )
+        return first.beside(then)
 
     def _check(self) -> None:
         for axis in self.rotary_dir:
@@ -128,6 +159,19 @@ class Touches(Table):
                     f"{axis}_dir", None, f"no column {axis}_deg", "the axis's position too"
                 )
         self.all_or_none("start_x_mm", "start_y_mm", "start_z_mm")
+        self.all_or_none("wcs_x_mm", "wcs_y_mm", "wcs_z_mm")
+        for name in (name for name in COLUMNS if name in self.columns):
+            values = self.columns[name]
+            other = np.abs(values - values[:1]) > SAME_FRAME_MM
+            if other.any():
+                row = int(np.argmax(other))
+                raise ColumnError(
+                    name,
+                    row,
+                    f"{values[row]:g}",
+                    f"{values[0]:g} as in the first row: one measurement has one frame of the "
+                    "control. Were two measurements put into one file?",
+                )
         with np.errstate(over="ignore"):  # infinite is no unit length either
             length = np.sqrt(np.sum(self.direction**2, axis=1))
         bad = ~(np.abs(length - 1.0) <= UNIT_TOLERANCE)

@@ -18,6 +18,7 @@ from trunnion.base.report import Result, Table
 from trunnion.base.saved import Gridded
 from trunnion.base.stored import fitting, plain, read_json
 from trunnion.base.units import Floats, unit_of
+from trunnion.data.frame import ControlFrame
 from trunnion.machine.budget import (
     COVERAGE_FACTOR,
     READINGS,
@@ -131,6 +132,9 @@ class Estimate(Result):
     geometry
         The axes that the location errors refer to: with a set-up that has others, they are
         refused. None: not stated.
+    control_frame
+        Work offset, tool length and corrections of the control that measured; what does not fit
+        the set-up is not compensated. None: not stated.
 
     Examples
     --------
@@ -157,6 +161,7 @@ class Estimate(Result):
     sources: tuple[Source, ...] = ()
     tolerances: dict[str, float] = field(default_factory=dict)
     geometry: Geometry | None = None
+    control_frame: ControlFrame | None = None
 
     def __post_init__(self) -> None:
         """Keep the shape of a covariance of nothing."""

@@ -14,6 +14,8 @@ import numpy as np
 
 from trunnion.base.errors import DataError
 from trunnion.base.units import Floats
+from trunnion.data.frame import OF_THE_MACHINE
+from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
@@ -128,9 +130,57 @@ class Geometry:
         return letter in self.chain.partition(" b ")[2].replace("(C)", "")
 
 
-def made_with(setup: Setup) -> dict[str, Any]:
-    """Return what of a set-up travels with an estimate of location errors, as fields of it."""
-    return {"tolerances": dict(setup.machine.tolerance), "geometry": Geometry.of(setup)}
+def made_with(setup: Setup, data: object) -> dict[str, Any]:
+    """Return what travels with an estimate of location errors, as fields of it.
+
+    data: The measurement; touches may say the frame that the control had.
+    """
+    return {
+        "tolerances": dict(setup.machine.tolerance),
+        "geometry": Geometry.of(setup),
+        "control_frame": data.control_frame if isinstance(data, Touches) else None,
+    }
+
+
+def of_one_machine(estimates: Sequence[Any]) -> tuple[str, ...]:
+    """Refuse estimates of other axes than those of the first, and say whose frame differs.
+
+    estimates: Each an estimate, with or without geometry and frame; anything else says nothing.
+
+    Raises
+    ------
+    DataError
+        The key of the set-up, and both values.
+    """
+    geometries = [getattr(one, "geometry", None) for one in estimates]
+    frames = [getattr(one, "control_frame", None) for one in estimates]
+    notes = []
+    for i in range(1, len(estimates)):
+        first, own = geometries[0], geometries[i]
+        apart = None if first is None or own is None else first.differs(own)
+        if apart is not None:
+            key, mine, theirs = apart
+            raise DataError(
+                f"{key}: got {theirs} with measurement {i + 1}, expected {mine} as with the first: "
+                "location errors refer to these axes. Estimate all of them with one set-up"
+            )
+        if frames[0] is None or frames[i] is None:
+            continue
+        found = frames[0].differs(frames[i], OF_THE_MACHINE)
+        if found is not None:
+            name, before, after = found
+            notes.append(
+                f"{name} was {before:g} with the first measurement, {after:g} with measurement "
+                f"{i + 1}: {CHANGED[name == 'corrected']}."
+            )
+    return tuple(notes)
+
+
+CHANGED = (
+    "location errors are about the axes of the work offset, and change with it",
+    "changes are those that the control's corrections make",
+)
+"""What another frame does to errors, and what corrections do."""
 
 
 def _unit(direction: Sequence[float]) -> Floats:

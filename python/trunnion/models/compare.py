@@ -29,6 +29,7 @@ from trunnion.diagnosis.result import Diagnosis
 from trunnion.files.table import Table
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
+from trunnion.machine.geometry import of_one_machine
 from trunnion.models.changes import Change, MachineComparison, Trend, meaning
 from trunnion.models.kinds import as_table, diagnose
 
@@ -53,11 +54,12 @@ class _Value:
 
 @dataclass(frozen=True)
 class _Source:
-    """What is known of one measurement."""
+    """What is known of one measurement; `made`: the estimate, if it is one or has one."""
 
     kind: str
     values: dict[str, _Value]
     diagnosis: Diagnosis | None = None
+    made: Any = None
 
 
 @dataclass(frozen=True)
@@ -108,6 +110,8 @@ def compare(
     ------
     InputError
         Measurements of different kinds, or dates out of order.
+    DataError
+        Estimates that were made with different axes in their set-ups.
 
     Examples
     --------
@@ -126,7 +130,7 @@ def compare(
         raise InputError(f"compare: got {' and '.join(kinds)}, expected measurements of one kind")
     days = _days(dates, len(sources))
     diagnosed = [s.diagnosis for s in sources if s.diagnosis is not None]
-    notes: list[str] = []
+    notes = list(of_one_machine([s.made for s in sources]))
     vectors: dict[str, tuple[_Vector, ...]] = {}
     if diagnosed:
         found = _joined(_of_standard([d.data for d in diagnosed], notes))
@@ -169,11 +173,11 @@ def _source(item: Any, setup: Any) -> _Source:
     if isinstance(item, Diagnosis):
         if item.data is None:
             if isinstance(item.model, Estimate):
-                return _Source("estimates", _of_estimate(item.model))
+                return _Source("estimates", _of_estimate(item.model), made=item.model)
             raise InputError("compare: got a diagnosis without its data, expected one with them")
-        return _Source(type(item.data).__name__, {}, item)
+        return _Source(type(item.data).__name__, {}, item, item.model)
     if isinstance(item, Estimate):
-        return _Source("estimates", _of_estimate(item))
+        return _Source("estimates", _of_estimate(item), made=item)
     if isinstance(item, Result) and isinstance(getattr(item, "std_errors", None), Mapping):
         return _Source(type(item).__name__, _of_result(item))
     raise InputError(

@@ -337,8 +337,7 @@ class JointModel(Model):
         for some, own in self._of_error(nuisance, effect):
             out[some, 0] = own
         for acts in self._acting(effect):
-            at = nuisance[self._index[acts.part]]
-            model = self.parts[acts.part].model
+            at, model = nuisance[self._index[acts.part]], self.parts[acts.part].model
             own = model.effect_jacobian(at, acts.effect, acts.values(values))
             out[self._at[acts.part]] += own * acts.signs
         return out
@@ -352,8 +351,7 @@ class JointModel(Model):
         for some, own in self._of_error(nuisance, effect):
             out[:, 0, some] = own
         for acts in self._acting(effect):
-            at = nuisance[self._index[acts.part]]
-            model = self.parts[acts.part].model
+            at, model = nuisance[self._index[acts.part]], self.parts[acts.part].model
             own = model.linear_columns(at, acts.effect, [acts.values(one) for one in values])
             out[:, :, self._at[acts.part]] += own * acts.sign
         return out

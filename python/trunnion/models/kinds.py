@@ -18,6 +18,7 @@ from trunnion.base.arguments import checked, name_place
 from trunnion.base.checks import choose, nearest
 from trunnion.base.errors import DataError, InputError, TrunnionError
 from trunnion.data.distinct import distinct_rows, given_again
+from trunnion.data.frame import OF_THE_MACHINE
 from trunnion.data.times import time_notes
 from trunnion.data.touches import Touches
 from trunnion.diagnosis.effect import EffectLike
@@ -405,8 +406,10 @@ def _measured(
 ) -> list[Measured]:
     """Diagnose each of several measurements alone."""
     _at_least_two(data)
+    data = list(map(as_table, data))
+    _refuse_other_frames(data)
     measured = []
-    for one in map(as_table, data):
+    for one in data:
         try:
             measured.append(_one_of_several(one, setup, effects))
         except TrunnionError as error:
@@ -415,6 +418,22 @@ def _measured(
                 error.args = (f"{error}. {FOLLOWING}",)
             raise
     return measured
+
+
+def _refuse_other_frames(data: Sequence[Any]) -> None:
+    """Refuse touches in other frames of the control than the first: they share location errors."""
+    frames = [(i, one.control_frame) for i, one in enumerate(data) if isinstance(one, Touches)]
+    known = [(i, frame) for i, frame in frames if frame is not None]
+    for i, frame in known[1:]:
+        found = known[0][1].differs(frame, OF_THE_MACHINE)
+        if found is not None:
+            name, before, after = found
+            raise DataError(
+                f"{name}: got {after:g} in measurement {i + 1}, expected {before:g} as in "
+                f"measurement {known[0][0] + 1}: location errors are about the axes of the work "
+                "offset, and those that corrections leave are others. Diagnose each by itself; "
+                "trunnion.compare says what changed"
+            )
 
 
 def _one_of_several(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Measured:

@@ -216,9 +216,13 @@ class ExtendedJoint(Estimate):
 
 def fields_of(parts: Sequence[Part]) -> dict[str, Any]:
     """Return fields of :class:`ExtendedJoint`: names, and what the location errors refer to."""
-    known: dict[str, Any] = {"measurements": tuple(p.name for p in parts)}
-    for p in parts:
+    found: dict[str, Any] = {"measurements": tuple(p.name for p in parts)}
+    for p in reversed(parts):
         setup = getattr(p.model, "setup", None)
         if isinstance(setup, Setup) and p.model.location_errors(p.model.start, {}):
-            return known | made_with(setup)
-    return known
+            own = made_with(setup, p.model.data)
+            frame, known = own["control_frame"], found.get("control_frame")
+            if frame is not None and known is not None:
+                own["control_frame"] = frame.beside(known)
+            found |= {k: v for k, v in own.items() if v is not None}
+    return found

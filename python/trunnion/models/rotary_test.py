@@ -215,7 +215,7 @@ class RotaryTestModel(Model):
             setup=self.setup,
             errors={k: v for k, v in named.items() if k in errors},
             placement={k: v for k, v in named.items() if k not in errors},
-            **made_with(self.setup),
+            **made_with(self.setup, self.data),
             **self.estimated(effects, uncertainty, NOT_CATALOGUED, self._known.chain.effects),
         )
 

@@ -416,7 +416,7 @@ class TouchDiagnosisModel(Model):
             effects={own.get(k, k): dict(v) for k, v in effects.items()},
             owners={e.id: e.owner for e in self.effects if e.id in effects},
             not_compensable={k: "it has no motion(pose, values)" for k in fixed if k in effects},
-            **made_with(self.setup),
+            **made_with(self.setup, self.data),
             **({} if uncertainty is None else uncertainty.fields()),
         )
 

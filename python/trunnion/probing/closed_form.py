@@ -148,7 +148,7 @@ def _solved(data: Touches, setup: Setup, method: str, *, is_printed: bool) -> Cl
         sees=SEES_PRINTED if is_printed else SEES_SEPARATING,
         slips=tuple(_core.closed_form_slips()) if is_printed else (),
         notes=said,
-        **made_with(setup),
+        **made_with(setup, data),
     )
 
 

@@ -323,7 +323,7 @@ def _result(
         combinations=tuple(named_combination(names, row) for row in found.combinations),
         at_bound=_at_end_of_search(model, data, values[:built_in]),
         weights=found.weights,
-        **made_with(model.setup),
+        **made_with(model.setup, data),
     )
 
 

@@ -315,7 +315,7 @@ def _result(
         residuals_um=off,
         converged=converged,
         bar_length_um=bar,
-        **made_with(problem.setup),
+        **made_with(problem.setup, problem.data),
     )
 
 

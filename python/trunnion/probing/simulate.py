@@ -11,6 +11,7 @@ import numpy as np
 from trunnion.base.arguments import checked
 from trunnion.base.checks import finite, instance, named
 from trunnion.base.errors import InputError
+from trunnion.data.frame import COLUMNS
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import split_effects
 from trunnion.machine.estimate import Estimate
@@ -116,10 +117,7 @@ def simulate(
     from_start = plan.start_mm is not None
     moves = model.moves(plan, from_start=from_start)
     # A contact is expected at the planned distance; the true surface may lie off by 5 mm.
-    reach = OFF_SURFACE_MM
-    if plan.start_mm is not None:
-        way = np.linalg.norm(plan.position_mm - plan.start_mm, axis=1)
-        reach += float(way.max(initial=0.0))
+    reach = OFF_SURFACE_MM + _longest_way_mm(plan)
     named_values = dict(zip(model.error_names, values, strict=False))
     if doubt := in_other_units(named_values):
         warnings.warn(f"simulate, errors: got {doubt}", UserWarning, stacklevel=3)
@@ -139,7 +137,15 @@ def simulate(
     recorded = start + travel[:, None] * plan.direction
     if step := 1e-3 * setup.probe.resolution_um:
         recorded = step * np.round(recorded / step)
-    return plan.with_columns(x_mm=recorded[:, 0], y_mm=recorded[:, 1], z_mm=recorded[:, 2])
+    places = dict(zip(("x_mm", "y_mm", "z_mm"), recorded.T, strict=True))
+    return plan.with_columns(**places, **dict.fromkeys(COLUMNS))  # no control: no frame of it
+
+
+def _longest_way_mm(plan: Touches) -> float:
+    """From the start of an approach to where it is planned to end; 0 without a start."""
+    if plan.start_mm is None:
+        return 0.0
+    return float(np.linalg.norm(plan.position_mm - plan.start_mm, axis=1).max(initial=0.0))
 
 
 def _whole(what: str, value: int) -> int:

@@ -7,7 +7,7 @@ Both are plain and slow on purpose. Which feature a touch meets is looked up at 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -96,7 +96,8 @@ def identify(
             f"touches: got {rows.n} rows, expected at least the {len(model.names)} of the unknowns"
         )
     found = (_gauss_newton(model, rows, t0_s, start) for t0_s, start in _starts(model, rows))
-    return _result(model, rows, min(found, key=lambda solution: solution.cost))
+    result = _result(model, rows, min(found, key=lambda solution: solution.cost))
+    return replace(result, **made_with(setup, data))
 
 
 @checked
@@ -295,5 +296,4 @@ def _result(model: Model, rows: Rows, found: _Solution) -> IdentificationResult:
         degrees_of_freedom=freedom,
         converged=found.converged,
         combinations=tuple(named_combination(names, row / scale) for row in vt[rank:]),
-        **made_with(model.setup),
     )

@@ -415,7 +415,7 @@ class AxisLogModel(Model):
             servo=changed_servo(self.servo, self._signals.axes, effects),
             errors=errors,
             **fields,
-            **(made_with(self.setup) if errors else {}),
+            **(made_with(self.setup, self.data) if errors else {}),
         )
 
 

@@ -1,0 +1,173 @@
+"""The frame that a control had while it measured: work offset, tool length, corrections.
+
+A probing program logs it (:mod:`trunnion.data.linuxcnc_runs`), touches keep it in columns, an
+estimate carries it, and a compensation, which turns by the joints about `control.centre_mm`,
+refuses one that does not fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from trunnion.base.errors import DataError
+from trunnion.files.columns import parse_number
+from trunnion.setup import Setup
+
+AXES = ("x", "y", "z")
+ROTARY = ("a", "b", "c")
+SAME_FRAME_MM = 1e-4  # far less than a touch repeats to
+SAME_PLACE_MM = 1e-3
+SAME_ANGLE_DEG = 1e-3
+UNCORRECTED = "machine"
+"""What the log calls kinematics without corrections."""
+COLUMNS = (
+    *(f"wcs_{axis}_mm" for axis in AXES), *(f"wcs_{axis}_deg" for axis in ROTARY),
+    "tool_length_mm", "corrected",
+)  # fmt: skip
+"""Columns of touches that hold it, alike in every row."""
+OF_THE_MACHINE = tuple(name for name in COLUMNS if name != "tool_length_mm")
+"""Those that location errors depend on: the tool length is taken off."""
+
+
+@dataclass(frozen=True)
+class ControlFrame:
+    """Frame of a measurement, as far as the control says it.
+
+    Attributes
+    ----------
+    place_mm
+        Origin of the work offset in machine coordinates; None: not said.
+    turned_deg
+        How far the work offset shifts each rotary axis, by letter.
+    tool_length_mm
+        Tool length in force; None: not said.
+    corrected
+        Whether the control's corrections were on; None: not said.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> touches = tn.read_touches(tn.sample_path("cross/touches.csv"))
+    >>> touches.with_columns(corrected=[1] * len(touches)).control_frame.corrected
+    True
+    """
+
+    place_mm: tuple[float, float, float] | None = None
+    turned_deg: dict[str, float] = field(default_factory=dict)
+    tool_length_mm: float | None = None
+    corrected: bool | None = None
+
+    @classmethod
+    def of_words(cls, words: Mapping[str, str]) -> ControlFrame:
+        """Return the frame that a run of a log says, by the names there."""
+        at = {name: parse_number(word) for name, word in words.items()}
+        known = {name: value for name, value in at.items() if value is not None}
+        place = tuple(known[axis] for axis in AXES if axis in known)
+        return cls(
+            place_mm=(place[0], place[1], place[2]) if len(place) == len(AXES) else None,
+            turned_deg={axis.upper(): known[axis] for axis in ROTARY if axis in known},
+            tool_length_mm=known.get("length"),
+            corrected=words["mode"] != UNCORRECTED if "mode" in words else None,
+        )
+
+    @classmethod
+    def of_columns(cls, columns: Mapping[str, Any]) -> ControlFrame | None:
+        """Return the frame that touches have in their first row; None without its columns."""
+        there = {name: columns[name][0].item() for name in COLUMNS if name in columns}
+        if not there:
+            return None
+        place = tuple(there[f"wcs_{x}_mm"] for x in AXES if f"wcs_{x}_mm" in there)
+        turned = {x.upper(): there.get(f"wcs_{x}_deg") for x in ROTARY}
+        on = there.get("corrected")
+        return cls(
+            place_mm=(place[0], place[1], place[2]) if len(place) == len(AXES) else None,
+            turned_deg={x: at for x, at in turned.items() if at is not None},
+            tool_length_mm=there.get("tool_length_mm"),
+            corrected=None if on is None else bool(on),
+        )
+
+    def columns(self, count: int) -> dict[str, Any]:
+        """Return it as columns of so many touches."""
+        values: dict[str, float] = {}
+        if self.place_mm is not None:
+            values |= {f"wcs_{x}_mm": at for x, at in zip(AXES, self.place_mm, strict=True)}
+        values |= {f"wcs_{x.lower()}_deg": at for x, at in self.turned_deg.items()}
+        if self.tool_length_mm is not None:
+            values["tool_length_mm"] = self.tool_length_mm
+        if self.corrected is not None:
+            values["corrected"] = int(self.corrected)
+        return {name: np.full(count, value) for name, value in values.items()}
+
+    def hindrances(
+        self, centre_mm: Sequence[float] | None, wcs: str = "the work offset"
+    ) -> Iterator[str]:
+        """Say what keeps what is identified in this frame from being compensated.
+
+        A compensation in the control turns by its joints about `centre_mm`, and takes errors as
+        those of the machine without corrections. ``centre_mm``: None, it is not stated.
+        """
+        if centre_mm is not None and self.place_mm is not None:
+            off = float(np.linalg.norm(np.subtract(self.place_mm, centre_mm)))
+            if off > SAME_PLACE_MM:
+                found = ", ".join(f"{v:.6g}" for v in self.place_mm)
+                stated = ", ".join(f"{v:.6g}" for v in centre_mm)
+                yield (
+                    f"{wcs} was at {found}, {off:.3g} mm from control.centre_mm = "
+                    f"[{stated}]. Location errors are about the axes of that work offset: state "
+                    f"centre_mm = [{found}] before a compensation, which would turn about axes "
+                    "that far off."
+                )
+        for axis, turned in self.turned_deg.items():
+            if abs(turned) > SAME_ANGLE_DEG:
+                yield (
+                    f"{wcs} shifts {axis} by {turned:.6g} deg. Angles are "
+                    "those of that work offset, a compensation turns by those of the joint: before "
+                    "one, move the zero of the joint (HOME_OFFSET) by as much, and measure again."
+                )
+        if self.corrected:
+            yield (
+                "measured with the control's corrections on. What is identified is what "
+                "they leave; a compensation by it would take their place: measure without them."
+            )
+
+    def refuse_to_compensate(self, setup: Setup) -> None:
+        """Refuse a compensation with this set-up by what was identified in this frame.
+
+        Raises
+        ------
+        DataError
+            Corrections were on, the work offset shifts a rotary axis, or it was not at
+            `control.centre_mm`.
+        """
+        for said in self.hindrances(setup.control.centre_mm):
+            file = f" ({setup.source})" if setup.source else ""
+            raise DataError(f"frame of the measurement: {said}{file}")
+
+    def beside(self, other: ControlFrame) -> ControlFrame:
+        """Return what this frame says, with what only the other one says."""
+        return ControlFrame(
+            self.place_mm or other.place_mm,
+            other.turned_deg | self.turned_deg,
+            other.tool_length_mm if self.tool_length_mm is None else self.tool_length_mm,
+            other.corrected if self.corrected is None else self.corrected,
+        )
+
+    def differs(
+        self, other: ControlFrame, columns: Sequence[str] = COLUMNS
+    ) -> tuple[str, float, float] | None:
+        """Return the first column in which two frames differ, with both values; None: the same.
+
+        What one of them does not say does not differ.
+        """
+        mine, theirs = (
+            {name: float(values[0]) for name, values in frame.columns(1).items()}
+            for frame in (self, other)
+        )
+        for name in columns:
+            if name in mine and name in theirs and abs(mine[name] - theirs[name]) > SAME_FRAME_MM:
+                return name, mine[name], theirs[name]
+        return None

@@ -1,0 +1,378 @@
+"""What an estimate was made with travels with it: a set-up with other axes, and a frame of the
+control in which errors are none of the joints, are refused."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import trunnion as tn
+from test_cli import run
+from trunnion import compensation, controls
+from trunnion.compensation import (
+    InverseCompensation,
+    MachineErrors,
+    compensation_forecast,
+    volumetric_budget,
+)
+from trunnion.controls import correct_program
+from trunnion.machine.geometry import Geometry
+
+AXES = {"A": tn.AxisSetup(point_mm=(0.0, 0.0, -50.0)), "C": tn.AxisSetup()}
+CENTRE = (210.5, 148.2, -301.0)
+SETUP = tn.Setup(tn.Artefact("cross"), axes=AXES, control=tn.ControlSetup(centre_mm=CENTRE))
+OTHER_POINT = r"^axes.A.point_mm: got \[0, 0, 0\], expected \[0, 0, -50\]"
+ERRORS = {"EX0C": 15.0, "EB0A": 12.0, "EY0A": -9.0}
+
+
+@cache
+def touches() -> tn.Touches:
+    return tn.simulate(tn.plan(SETUP), SETUP, ERRORS, noise_um=0.2, seed=4)
+
+
+@cache
+def r_test() -> tn.RotaryTest:
+    turns = {"A": np.repeat([0.0, 60.0, -60.0], 4), "C": np.tile([0.0, 90.0, 180.0, 270.0], 3)}
+    plan = tn.plan_rotary_test(SETUP, (90.0, 20.0, 60.0), turns)
+    return tn.simulate_rotary_test(plan, SETUP, (90.0, 20.0, 60.0), ERRORS, noise_um=0.2, seed=4)
+
+
+def casadi() -> tn.Estimate:
+    pytest.importorskip("casadi")
+    return tn.casadi_baseline.identify(touches(), SETUP)
+
+
+def stored(estimate: tn.Estimate) -> tn.Estimate:
+    """What comes back from the JSON of an estimate."""
+    held = json.loads(estimate.to_json())
+    return tn.Estimate.from_dict({k: held[k] for k in ("errors", "geometry", "control_frame")})
+
+
+MADE: dict[str, Callable[[], Any]] = {
+    "identify": lambda: tn.identify(touches(), SETUP),
+    "identify, an effect": lambda: tn.identify(touches(), SETUP, effects=("scale_x",)),
+    "closed form": lambda: tn.closed_form(touches(), SETUP),
+    "closed form, printed": lambda: tn.closed_form(touches(), SETUP, method="printed"),
+    "casadi": casadi,
+    "diagnosis": lambda: tn.diagnose(touches(), SETUP).model,
+    "R-test": lambda: tn.identify_rotary_test(r_test(), SETUP, (90.0, 20.0, 60.0)),
+}
+"""Everything that makes an estimate of location errors and knows the set-up."""
+
+
+def points(a_mm: float = 0.0) -> tn.Setup:
+    return replace(SETUP, axes={"A": tn.AxisSetup(point_mm=(0.0, 0.0, a_mm))})
+
+
+PROGRAM = "G21 G90 G94 F100\nG0 X0 Y0 Z0 A0 C0\nG1 X1\nM2\n"
+USES: dict[str, Callable[[tn.Setup, Any], Any]] = {
+    "volumetric_error": tn.volumetric_error,
+    "error_fields": lambda s, e: list(tn.error_fields(s, e, points=(2, 2, 2))),
+    "cnc_parameters": tn.cnc_parameters,
+    "error_map": partial(tn.error_map, linear_step_mm=150.0, rotary_step_deg=90.0),
+    "ModelCompensation": tn.ModelCompensation.of,
+    "InverseCompensation": InverseCompensation.of,
+    "residual_interval": partial(tn.residual_interval, draws=100),
+    "volumetric_budget": volumetric_budget,
+    "compensation_forecast": compensation_forecast,
+    "remeasure": lambda s, e: tn.remeasure(tn.plan(s), s, None, e),
+    "simulate": lambda s, e: tn.simulate(tn.plan(s), s, e),
+    "MachineErrors": MachineErrors.of,
+    "linuxcnc_files": controls.linuxcnc_files,
+    "iso_table": controls.iso_table,
+    "siemens_files": controls.siemens_files,
+    "heidenhain_files": controls.heidenhain_files,
+    "isg_files": partial(
+        controls.isg_files, stated={"angle_unit": "rad", "sign": "1", "chain": "XYZCA"}
+    ),
+    "twincat_files": controls.twincat_files,
+    "inverse_compensation": lambda s, e: compensation.inverse_compensation(
+        s, e, np.zeros((1, 3)), {"A": [20.0], "C": [0.0]}
+    ),
+    "correct_program": lambda s, e: correct_program(
+        s, e, "G21 G90 G94 F100\nG0 X0 Y0 Z0 A0 C0\nG1 X1\nM2\n"
+    ),
+}
+"""What takes an estimate together with a set-up."""
+COMPENSATE = [
+    *("cnc_parameters", "error_map", "ModelCompensation", "InverseCompensation"),
+    *("inverse_compensation", "compensation_forecast", "correct_program", "linuxcnc_files"),
+    *("iso_table", "siemens_files", "heidenhain_files", "isg_files", "twincat_files"),
+]
+STATED = ("siemens_files", "heidenhain_files", "twincat_files")
+"""These ask for more that must be stated, once the errors are taken."""
+
+
+@pytest.mark.parametrize("made", MADE)
+def test_an_estimate_carries_the_axes_that_it_was_made_with(made: str) -> None:
+    estimate = MADE[made]()
+    assert estimate.geometry == Geometry.of(SETUP)
+    again = stored(estimate)
+    assert again.geometry == estimate.geometry
+    with pytest.raises(tn.DataError, match=OTHER_POINT):
+        tn.volumetric_error(points(), estimate)
+
+
+@pytest.mark.parametrize("use", USES)
+def test_what_takes_an_estimate_refuses_a_set_up_with_other_axes(use: str) -> None:
+    estimate = tn.identify(touches(), SETUP)
+    if use not in STATED:
+        USES[use](SETUP, estimate)
+    with pytest.raises(tn.DataError, match=OTHER_POINT):
+        USES[use](points(), estimate)
+    plain = estimate.errors  # names with values are meant for whatever they are given with
+    if use not in ("residual_interval", "volumetric_budget", *STATED):
+        USES[use](points(), plain)
+
+
+def test_errors_that_were_sorted_keep_their_axes_and_frame() -> None:
+    known = MachineErrors.of(SETUP, tn.identify(in_frame(corrected=1), SETUP))
+    for kept in (known, known.only(())):
+        with pytest.raises(tn.DataError, match=r"^axes.A.point_mm"):
+            tn.volumetric_error(points(), kept)
+        with pytest.raises(tn.DataError, match="corrections on"):
+            tn.cnc_parameters(SETUP, kept)
+
+
+OTHERS: dict[str, dict[str, Any]] = {
+    "machine.preset": {"machine": tn.Machine("trt-bc"), "axes": {}},
+    "machine.chain": {"machine": tn.Machine(chain="[w C' B' b X Y Z (C) t]"), "axes": {}},
+    "axes.A.direction": {"axes": AXES | {"A": replace(AXES["A"], direction=(1.0, 0.01, 0.0))}},
+    "axes.A.point_mm": {"axes": AXES | {"A": tn.AxisSetup(point_mm=(0.0, 0.0, -50.001))}},
+    "axes.C.sense": {"axes": AXES | {"C": tn.AxisSetup(sense=-1)}},
+}
+
+
+@pytest.mark.parametrize("key", OTHERS)
+def test_the_message_names_the_key_that_differs(key: str) -> None:
+    with pytest.raises(tn.DataError) as error:
+        Geometry.of(SETUP).refuse_other(replace(SETUP, **OTHERS[key]))
+    text = str(error.value)
+    assert text.startswith(f"{key}: got ")
+    assert "with which the errors were identified" in text
+
+
+SAME: dict[str, dict[str, Any]] = {
+    "another point of the axis": {"axes": {"A": tn.AxisSetup(point_mm=(80.0, 0.0, -50.0))}},
+    "another length of its direction": {
+        "axes": {"A": replace(AXES["A"], direction=(3.0, 0.0, 0.0))}
+    },
+    "the chain of the preset": {"machine": tn.Machine(chain="[w C' A' b X Y Z (C) t]")},
+    "errors known beforehand": {"machine": tn.Machine(errors={"EX0C": 9.0, "EB0A": 4.0})},
+    "tolerances": {"machine": tn.Machine(tolerance={"EX0C": 9.0})},
+    "probe": {"probe": tn.Probe(ball_radius_mm=2.0, length_mm=90.0)},
+    "artefact": {"artefact": tn.Artefact("none")},
+    "sense of a linear axis": {"axes": AXES | {"X": tn.AxisSetup(sense=-1)}},
+    "ranges": {"axes": AXES | {"A": replace(AXES["A"], range_deg=(-100.0, 100.0))}},
+}
+
+
+@pytest.mark.parametrize("what", SAME)
+def test_what_location_errors_do_not_refer_to_may_differ(what: str) -> None:
+    """And leaves the volumetric error as it is: totals include what was known beforehand."""
+    estimate, other = tn.identify(touches(), SETUP), replace(SETUP, **SAME[what])
+    one, two = (
+        tn.volumetric_error(s, estimate, a_deg=(45.0,), c_deg=(30.0,)).max_um
+        for s in (SETUP, other)
+    )
+    assert one == pytest.approx(two, rel=1e-12)
+
+
+def test_points_of_a_head_count_from_its_pivot() -> None:
+    """A set-up with another probe is that of the same head."""
+
+    def head(length_mm: float, y_mm: float = 0.0, x_mm: float = 0.0) -> tn.Setup:
+        at = tn.AxisSetup(point_mm=(x_mm, y_mm, length_mm))
+        probe = tn.Probe(length_mm=length_mm)
+        return tn.Setup(
+            tn.Artefact("cross"), tn.Machine("table-c-head-b"), axes={"B": at}, probe=probe
+        )
+
+    geometry = Geometry.of(head(100.0))
+    for same in (head(180.0), head(100.0, y_mm=30.0), replace(head(180.0), axes={})):
+        geometry.refuse_other(same)
+        made = tn.volumetric_error(head(100.0), {"EA0B": 20.0}, b_deg=(30.0,)).max_um
+    moved = tn.volumetric_error(head(100.0, y_mm=30.0), {"EA0B": 20.0}, b_deg=(30.0,)).max_um
+    assert moved == pytest.approx(made, rel=1e-12)
+    with pytest.raises(tn.DataError, match=r"^axes.B.point_mm"):
+        geometry.refuse_other(head(100.0, x_mm=5.0))
+
+
+def test_an_estimate_without_axes_is_taken_as_before(tmp_path: Path) -> None:
+    """Names with values, and what earlier versions wrote."""
+    estimate = tn.identify(touches(), SETUP)
+    old = json.loads(estimate.to_json())
+    for name in ("geometry", "control_frame"):
+        del old[name]
+    path = tmp_path / "old.json"
+    path.write_text(json.dumps(old))
+    for known in (tn.read_estimate(path), tn.Estimate(errors=estimate.errors)):
+        assert known.geometry is None
+        assert known.control_frame is None
+        tn.volumetric_error(points(), known)
+
+
+def test_measurements_of_several_kinds_carry_the_axes_of_their_set_up() -> None:
+    found = tn.diagnose([touches(), in_frame(corrected=0)], SETUP).model
+    assert found.geometry == Geometry.of(SETUP)
+    assert found.control_frame is not None
+    assert found.control_frame.corrected is False
+
+
+def test_estimates_of_other_axes_are_not_compared() -> None:
+    of_points = tn.simulate(tn.plan(points()), points(), ERRORS, noise_um=0.2, seed=5)
+    one, two = tn.identify(touches(), SETUP), tn.identify(of_points, points())
+    tn.compare(one, one)
+    with pytest.raises(tn.DataError, match=r"^axes.A.point_mm: got \[0, 0, 0\] with measurement 2"):
+        tn.compare(one, two)
+
+
+# --- the frame of the control
+
+
+def in_frame(**columns: float) -> tn.Touches:
+    """Touches with the frame of a control, that of the set-up unless said."""
+    x, y, z = CENTRE
+    frame = {"wcs_x_mm": x, "wcs_y_mm": y, "wcs_z_mm": z, "wcs_a_deg": 0.0, "wcs_c_deg": 0.0}
+    frame |= {"tool_length_mm": 100.0, "corrected": 0} | columns
+    count = len(touches())
+    return touches().with_columns(**{k: np.full(count, v) for k, v in frame.items()})
+
+
+BAD_FRAMES: dict[str, tuple[dict[str, float], tuple[str, ...]]] = {
+    "corrections": ({"corrected": 1}, ("the control's corrections on", "measure without them")),
+    "shift of A": ({"wcs_a_deg": 0.137}, ("shifts A by 0.137 deg", "HOME_OFFSET")),
+    "shift of C": ({"wcs_c_deg": -1.5}, ("shifts C by -1.5 deg", "measure again")),
+    "work offset": (
+        {"wcs_x_mm": 210.9},
+        ("210.9, 148.2, -301", "control.centre_mm = [210.5, 148.2, -301]", "state centre_mm"),
+    ),
+}
+
+
+@pytest.mark.parametrize("use", COMPENSATE)
+@pytest.mark.parametrize("case", BAD_FRAMES)
+def test_a_compensation_refuses_a_frame_that_does_not_fit(case: str, use: str) -> None:
+    columns, says = BAD_FRAMES[case]
+    if use not in STATED:
+        USES[use](SETUP, tn.identify(in_frame(), SETUP))
+    with pytest.raises(tn.DataError) as error:
+        USES[use](SETUP, tn.identify(in_frame(**columns), SETUP))
+    for said in says:
+        assert said in str(error.value)
+
+
+@pytest.mark.parametrize("made", [name for name in MADE if name != "R-test"])
+def test_every_estimate_of_touches_carries_the_frame(
+    made: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shifted = in_frame(wcs_a_deg=0.2)
+    monkeypatch.setitem(globals(), "touches", lambda: shifted)
+    estimate = MADE[made]()
+    assert estimate.control_frame == shifted.control_frame
+    again = tn.Estimate.from_dict(
+        {
+            k: v
+            for k, v in json.loads(estimate.to_json()).items()
+            if k in ("errors", "control_frame")
+        }
+    )
+    assert again.control_frame == shifted.control_frame
+
+
+def test_what_is_left_is_no_compensation() -> None:
+    """The errors that corrections leave may be looked at, and simulated."""
+    left = tn.identify(in_frame(corrected=1), SETUP)
+    assert tn.volumetric_error(SETUP, left).max_um > 0
+    assert tn.simulate(in_frame(corrected=1), SETUP, left).control_frame is None
+
+
+def test_the_frame_comes_from_the_log_and_stays_in_the_file(tmp_path: Path) -> None:
+    from trunnion.data.linuxcnc_log import probe_log_of
+
+    plan = tn.plan(SETUP)
+    head, *lines = probe_log_of(plan, touches(), "plan").splitlines()
+    state = "; G55 210.5 148.2 -301 tool length 100.25 A 0.137 C 0.0 corrected"
+    (tmp_path / "touches.log").write_text("\n".join([head, state, *lines]) + "\n")
+    plan.to_csv(tmp_path / "plan.csv")
+    (tmp_path / "setup.toml").write_text(SETUP.to_toml())
+    files = [str(tmp_path / name) for name in ("plan.csv", "touches.log", "setup.toml")]
+    run("touches", *files, "-o", str(tmp_path / "m.csv"))
+    frame = tn.read_touches(tmp_path / "m.csv").control_frame
+    assert frame is not None
+    assert frame.place_mm == CENTRE
+    assert frame.turned_deg == {"A": 0.137, "C": 0.0}
+    assert frame.tool_length_mm == 100.25
+    assert frame.corrected is True
+
+
+def test_touches_that_follow_have_the_frame_of_those_before() -> None:
+    first = in_frame()
+    count = len(first)
+    time = np.arange(count, dtype=float)
+    first = first.with_columns(time_s=time)
+    later = first.with_columns(time_s=time + count)
+    assert first.followed_by(later).control_frame == first.control_frame
+    unsaid = touches().with_columns(time_s=time + count)
+    assert first.followed_by(unsaid).control_frame == first.control_frame
+    for name, value in (("wcs_x_mm", 210.9), ("tool_length_mm", 101.0), ("corrected", 1)):
+        with pytest.raises(tn.InputError, match=rf"^{name}: got {value:g} in the touches that fol"):
+            first.followed_by(later.with_columns(**{name: np.full(count, value)}))
+
+
+def test_one_file_has_one_frame() -> None:
+    mixed = np.zeros(len(touches()), dtype=int)
+    mixed[5] = 1
+    with pytest.raises(tn.InputError, match=r"^corrected \(row 5\): got 1, expected 0 as in the f"):
+        touches().with_columns(corrected=mixed)
+
+
+@pytest.mark.parametrize("name", ["wcs_x_mm", "wcs_c_deg", "corrected"])
+def test_touches_of_two_frames_share_no_location_errors(name: str) -> None:
+    other = in_frame(**{name: {"wcs_x_mm": 210.9, "wcs_c_deg": 0.5, "corrected": 1}[name]})
+    with pytest.raises(tn.DataError, match=rf"^{name}: got .* in measurement 2, expected"):
+        tn.diagnose([in_frame(), other], SETUP)
+
+
+def test_another_tool_length_is_no_other_machine() -> None:
+    tn.diagnose([in_frame(), in_frame(tool_length_mm=120.0)], SETUP)
+
+
+def test_a_comparison_says_whose_frame_is_another() -> None:
+    before, after = in_frame(), in_frame(corrected=1)
+    for found in (
+        tn.compare(before, after, setup=SETUP),
+        tn.compare(tn.identify(before, SETUP), tn.identify(after, SETUP)),
+    ):
+        assert any("corrections make" in note for note in found.notes)
+    shifted = tn.compare(before, in_frame(wcs_y_mm=148.9), setup=SETUP)
+    assert any(note.startswith("wcs_y_mm was 148.2 with the first") for note in shifted.notes)
+
+
+def test_the_command_refuses_what_does_not_fit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """End to end: the fresh user's two findings."""
+    monkeypatch.chdir(tmp_path)
+    in_frame(corrected=1).to_csv("on.csv")
+    in_frame().to_csv("off.csv")
+    Path("setup.toml").write_text(SETUP.to_toml())
+    Path("other.toml").write_text(points().to_toml())
+    for name in ("on", "off"):
+        run("estimate", f"{name}.csv", "setup.toml", "-o", f"{name}.json")
+    for errors, setup, says in (
+        ("off.json", "other.toml", "axes.A.point_mm: got [0, 0, 0] in other.toml, expected [0, 0,"),
+        ("on.json", "setup.toml", "measured with the control's corrections on"),
+    ):
+        for control in ((), ("--control", "linuxcnc")):
+            assert says in run("compensate", errors, setup, *control, code=2)
+            assert not Path("compensation").exists()
+    run("compensate", "off.json", "setup.toml", "--control", "linuxcnc")
+    assert Path("compensation/trunnion.hal").exists()
