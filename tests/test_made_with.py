@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import trunnion as tn
+from result_examples import SAMPLES, diagnosis_of
 from test_cli import run
 from trunnion import compensation, controls
 from trunnion.compensation import (
@@ -120,6 +121,24 @@ def test_an_estimate_carries_the_axes_that_it_was_made_with(made: str) -> None:
         tn.volumetric_error(points(), estimate)
 
 
+@pytest.mark.parametrize("kind", SAMPLES)
+def test_every_kind_with_location_errors_carries_the_axes(kind: str) -> None:
+    model, file = diagnosis_of(kind).model, SAMPLES[kind][1]
+    assert (model.geometry is None) == (not model.errors)
+    if model.errors:
+        assert file is not None
+        assert model.geometry == Geometry.of(tn.read_setup(tn.sample_path(file)))
+
+
+def test_the_centre_of_an_axis_log_refers_to_the_axes_of_its_set_up() -> None:
+    setup = tn.read_setup(tn.sample_path("contour/setup.toml"))
+    model = tn.AxisLogModel(tn.read_axis_log(tn.sample_path("contour/axislog.csv"))[:400], setup)
+    found = model.extended(np.zeros(0), {"rotary_centre": {"EX0C_um": 5.0}})
+    assert found.errors == {"EX0C": 5.0}
+    assert found.geometry == Geometry.of(setup)
+    assert model.extended(np.zeros(0), {}).geometry is None
+
+
 @pytest.mark.parametrize("use", USES)
 def test_what_takes_an_estimate_refuses_a_set_up_with_other_axes(use: str) -> None:
     estimate = tn.identify(touches(), SETUP)
@@ -133,7 +152,7 @@ def test_what_takes_an_estimate_refuses_a_set_up_with_other_axes(use: str) -> No
 
 
 def test_errors_that_were_sorted_keep_their_axes_and_frame() -> None:
-    known = MachineErrors.of(SETUP, tn.identify(in_frame(corrected=1), SETUP))
+    known = MachineErrors.of(SETUP, tn.identify(in_frame(control_corrected=1), SETUP))
     for kept in (known, known.only(())):
         with pytest.raises(tn.DataError, match=r"^axes.A.point_mm"):
             tn.volumetric_error(points(), kept)
@@ -220,7 +239,7 @@ def test_an_estimate_without_axes_is_taken_as_before(tmp_path: Path) -> None:
 
 
 def test_measurements_of_several_kinds_carry_the_axes_of_their_set_up() -> None:
-    found = tn.diagnose([touches(), in_frame(corrected=0)], SETUP).model
+    found = tn.diagnose([touches(), in_frame(control_corrected=0)], SETUP).model
     assert found.geometry == Geometry.of(SETUP)
     assert found.control_frame is not None
     assert found.control_frame.corrected is False
@@ -241,13 +260,16 @@ def in_frame(**columns: float) -> tn.Touches:
     """Touches with the frame of a control, that of the set-up unless said."""
     x, y, z = CENTRE
     frame = {"wcs_x_mm": x, "wcs_y_mm": y, "wcs_z_mm": z, "wcs_a_deg": 0.0, "wcs_c_deg": 0.0}
-    frame |= {"tool_length_mm": 100.0, "corrected": 0} | columns
+    frame |= {"tool_length_mm": 100.0, "control_corrected": 0} | columns
     count = len(touches())
     return touches().with_columns(**{k: np.full(count, v) for k, v in frame.items()})
 
 
 BAD_FRAMES: dict[str, tuple[dict[str, float], tuple[str, ...]]] = {
-    "corrections": ({"corrected": 1}, ("the control's corrections on", "measure without them")),
+    "corrections": (
+        {"control_corrected": 1},
+        ("the control's corrections on", "measure without them"),
+    ),
     "shift of A": ({"wcs_a_deg": 0.137}, ("shifts A by 0.137 deg", "HOME_OFFSET")),
     "shift of C": ({"wcs_c_deg": -1.5}, ("shifts C by -1.5 deg", "measure again")),
     "work offset": (
@@ -289,9 +311,9 @@ def test_every_estimate_of_touches_carries_the_frame(
 
 def test_what_is_left_is_no_compensation() -> None:
     """The errors that corrections leave may be looked at, and simulated."""
-    left = tn.identify(in_frame(corrected=1), SETUP)
+    left = tn.identify(in_frame(control_corrected=1), SETUP)
     assert tn.volumetric_error(SETUP, left).max_um > 0
-    assert tn.simulate(in_frame(corrected=1), SETUP, left).control_frame is None
+    assert tn.simulate(in_frame(control_corrected=1), SETUP, left).control_frame is None
 
 
 def test_the_frame_comes_from_the_log_and_stays_in_the_file(tmp_path: Path) -> None:
@@ -322,7 +344,7 @@ def test_touches_that_follow_have_the_frame_of_those_before() -> None:
     assert first.followed_by(later).control_frame == first.control_frame
     unsaid = touches().with_columns(time_s=time + count)
     assert first.followed_by(unsaid).control_frame == first.control_frame
-    for name, value in (("wcs_x_mm", 210.9), ("tool_length_mm", 101.0), ("corrected", 1)):
+    for name, value in (("wcs_x_mm", 210.9), ("tool_length_mm", 101.0), ("control_corrected", 1)):
         with pytest.raises(tn.InputError, match=rf"^{name}: got {value:g} in the touches that fol"):
             first.followed_by(later.with_columns(**{name: np.full(count, value)}))
 
@@ -330,13 +352,13 @@ def test_touches_that_follow_have_the_frame_of_those_before() -> None:
 def test_one_file_has_one_frame() -> None:
     mixed = np.zeros(len(touches()), dtype=int)
     mixed[5] = 1
-    with pytest.raises(tn.InputError, match=r"^corrected \(row 5\): got 1, expected 0 as in the f"):
-        touches().with_columns(corrected=mixed)
+    with pytest.raises(tn.InputError, match=r"^control_corrected \(row 5\): got 1, expected 0 "):
+        touches().with_columns(control_corrected=mixed)
 
 
-@pytest.mark.parametrize("name", ["wcs_x_mm", "wcs_c_deg", "corrected"])
+@pytest.mark.parametrize("name", ["wcs_x_mm", "wcs_c_deg", "control_corrected"])
 def test_touches_of_two_frames_share_no_location_errors(name: str) -> None:
-    other = in_frame(**{name: {"wcs_x_mm": 210.9, "wcs_c_deg": 0.5, "corrected": 1}[name]})
+    other = in_frame(**{name: {"wcs_x_mm": 210.9, "wcs_c_deg": 0.5, "control_corrected": 1}[name]})
     with pytest.raises(tn.DataError, match=rf"^{name}: got .* in measurement 2, expected"):
         tn.diagnose([in_frame(), other], SETUP)
 
@@ -346,7 +368,7 @@ def test_another_tool_length_is_no_other_machine() -> None:
 
 
 def test_a_comparison_says_whose_frame_is_another() -> None:
-    before, after = in_frame(), in_frame(corrected=1)
+    before, after = in_frame(), in_frame(control_corrected=1)
     for found in (
         tn.compare(before, after, setup=SETUP),
         tn.compare(tn.identify(before, SETUP), tn.identify(after, SETUP)),
@@ -361,7 +383,7 @@ def test_the_command_refuses_what_does_not_fit(
 ) -> None:
     """End to end: the fresh user's two findings."""
     monkeypatch.chdir(tmp_path)
-    in_frame(corrected=1).to_csv("on.csv")
+    in_frame(control_corrected=1).to_csv("on.csv")
     in_frame().to_csv("off.csv")
     Path("setup.toml").write_text(SETUP.to_toml())
     Path("other.toml").write_text(points().to_toml())
@@ -374,5 +396,6 @@ def test_the_command_refuses_what_does_not_fit(
         for control in ((), ("--control", "linuxcnc")):
             assert says in run("compensate", errors, setup, *control, code=2)
             assert not Path("compensation").exists()
+    run("view", "on.json", "setup.toml", "-o", "left.html")  # what corrections leave may be seen
     run("compensate", "off.json", "setup.toml", "--control", "linuxcnc")
     assert Path("compensation/trunnion.hal").exists()

@@ -26,7 +26,7 @@ UNCORRECTED = "machine"
 """What the log calls kinematics without corrections."""
 COLUMNS = (
     *(f"wcs_{axis}_mm" for axis in AXES), *(f"wcs_{axis}_deg" for axis in ROTARY),
-    "tool_length_mm", "corrected",
+    "tool_length_mm", "control_corrected",
 )  # fmt: skip
 """Columns of touches that hold it, alike in every row."""
 OF_THE_MACHINE = tuple(name for name in COLUMNS if name != "tool_length_mm")
@@ -52,7 +52,7 @@ class ControlFrame:
     --------
     >>> import trunnion as tn
     >>> touches = tn.read_touches(tn.sample_path("cross/touches.csv"))
-    >>> touches.with_columns(corrected=[1] * len(touches)).control_frame.corrected
+    >>> touches.with_columns(control_corrected=[1] * len(touches)).control_frame.corrected
     True
     """
 
@@ -82,7 +82,7 @@ class ControlFrame:
             return None
         place = tuple(there[f"wcs_{x}_mm"] for x in AXES if f"wcs_{x}_mm" in there)
         turned = {x.upper(): there.get(f"wcs_{x}_deg") for x in ROTARY}
-        on = there.get("corrected")
+        on = there.get("control_corrected")
         return cls(
             place_mm=(place[0], place[1], place[2]) if len(place) == len(AXES) else None,
             turned_deg={x: at for x, at in turned.items() if at is not None},
@@ -99,11 +99,14 @@ class ControlFrame:
         if self.tool_length_mm is not None:
             values["tool_length_mm"] = self.tool_length_mm
         if self.corrected is not None:
-            values["corrected"] = int(self.corrected)
+            values["control_corrected"] = int(self.corrected)
         return {name: np.full(count, value) for name, value in values.items()}
 
     def hindrances(
-        self, centre_mm: Sequence[float] | None, wcs: str = "the work offset"
+        self,
+        centre_mm: Sequence[float] | None,
+        wcs: str = "the work offset",
+        stated_as: str = "control.centre_mm",
     ) -> Iterator[str]:
         """Say what keeps what is identified in this frame from being compensated.
 
@@ -116,7 +119,7 @@ class ControlFrame:
                 found = ", ".join(f"{v:.6g}" for v in self.place_mm)
                 stated = ", ".join(f"{v:.6g}" for v in centre_mm)
                 yield (
-                    f"{wcs} was at {found}, {off:.3g} mm from control.centre_mm = "
+                    f"{wcs} was at {found}, {off:.3g} mm from {stated_as} = "
                     f"[{stated}]. Location errors are about the axes of that work offset: state "
                     f"centre_mm = [{found}] before a compensation, which would turn about axes "
                     "that far off."
@@ -143,9 +146,9 @@ class ControlFrame:
             Corrections were on, the work offset shifts a rotary axis, or it was not at
             `control.centre_mm`.
         """
-        for said in self.hindrances(setup.control.centre_mm):
-            file = f" ({setup.source})" if setup.source else ""
-            raise DataError(f"frame of the measurement: {said}{file}")
+        stated = f"control.centre_mm{f' of {setup.source}' if setup.source else ''}"
+        for said in self.hindrances(setup.control.centre_mm, stated_as=stated):
+            raise DataError(f"errors of a frame that does not fit the set-up: {said[:-1]}")
 
     def beside(self, other: ControlFrame) -> ControlFrame:
         """Return what this frame says, with what only the other one says."""

@@ -89,7 +89,7 @@ def read_probe_log(path: str | PathLike[str], plan: Touches, setup: Setup | None
         without one whose line in a numbered log is cut off, with fewer fields or decimals and no
         end of line, which `recognised` says. Their places are the lines of the log, with the
         touch's number.
-        The frame that the control had stands in the columns `wcs_x_mm` to `corrected`,
+        The frame that the control had stands in the columns `wcs_x_mm` to `control_corrected`,
         where the log says it.
         Numbered logs: of the last measurement, which is a run from touch 1 and those that went on
         with it; a touch that was made again counts as it was made last. An axis that is whole turns

@@ -74,7 +74,7 @@ class Touches(Table):
     wcs_b_deg = OptionalNumber("how far the work offset shifts B, alike in all rows")
     wcs_c_deg = OptionalNumber("how far the work offset shifts C, alike in all rows")
     tool_length_mm = OptionalNumber("tool length in force, alike in all rows")
-    corrected = OptionalInteger(
+    control_corrected = OptionalInteger(
         "1: with the control's corrections on, 0: without, alike in all rows", among=(0, 1)
     )
 

@@ -171,7 +171,7 @@ def of_one_machine(estimates: Sequence[Any]) -> tuple[str, ...]:
             name, before, after = found
             notes.append(
                 f"{name} was {before:g} with the first measurement, {after:g} with measurement "
-                f"{i + 1}: {CHANGED[name == 'corrected']}."
+                f"{i + 1}: {CHANGED[name == 'control_corrected']}."
             )
     return tuple(notes)
 
