@@ -21,7 +21,7 @@ from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import units_of
 from trunnion.diagnosis.whitening import Correlated, Whiten, correlated, identity
 
-SURE = 0.5  # trace of a group's hat matrix below which the others certainly identify all
+SURE = 0.9  # norm of a group's hat matrix below which the others certainly identify all
 MIN_KEPT = 1e-3  # share of a squared direction that the others keep: enough to divide by
 MAX_ROWS = 2048  # readings that are worked on at once, unless a group has more
 ROUNDING = 1e-12
@@ -165,8 +165,10 @@ def _left_out(problem: _Problem, part: Integers, at: Integers) -> tuple[Floats, 
     q = problem.basis[part]
     e = problem.residual[part]
     pull = np.add.reduceat(q * e[:, None], at)
-    kept = np.eye(q.shape[1]) - _squares(q, np.diff(at, append=len(q)), at)
-    sure = np.trace(kept, axis1=1, axis2=2) > q.shape[1] - SURE
+    taken = _squares(q, np.diff(at, append=len(q)), at)
+    kept = np.eye(q.shape[1]) - taken
+    # No eigenvalue is larger than the norm of all of them.
+    sure = np.linalg.norm(taken, axis=(1, 2)) < SURE
     doubtful = np.flatnonzero(~sure)
     if len(doubtful):
         sure[doubtful] = np.linalg.eigvalsh(kept[doubtful])[:, 0] > MIN_KEPT

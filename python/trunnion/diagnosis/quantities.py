@@ -4,6 +4,7 @@ Of several measurements each has quantities of its own, and ways of its own by w
 enters its readings: what is left of one is a function of nothing in another.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -32,19 +33,26 @@ def smooth_functions(
     said = saying(sought, model.components, rows)
     every = [x for x in said if len(x.distinct) >= MIN_DISTINCT and not x.said]
     turns = [x for x in every if not straight(x.covariate, x.distinct)]
-    made: dict[int, list[Floats]] = {}  # by the first reading of a measurement
-    for x in every:
-        turned = any(t.goes_with(x) for t in turns)
-        found = made.setdefault(x.some.start, [])
-        if straight(x.covariate, x.distinct) and not turned and len(found) <= most:
-            functions = polynomials(x.distinct, x.distinct)[x.ranks]
-            if x.covariate.known is not None:
-                functions = (functions.T * x.covariate.known[rows[x.some]]).T
-            for c in x.enter.values():
-                full = np.zeros((len(model.readings), functions.shape[1]))
-                full[rows[x.some]] = functions * c[:, None]
-                found.append(full)
-    return [f for found in made.values() if len(found) <= most for f in found]
+    smooth = [
+        x
+        for x in every
+        if straight(x.covariate, x.distinct) and not any(t.goes_with(x) for t in turns)
+    ]
+    count = Counter[int]()  # by the first reading of a measurement
+    for x in smooth:
+        count[x.some.start] += len(x.enter)
+    found: dict[int, list[Floats]] = {start: [] for start in count}
+    for x in smooth:
+        if count[x.some.start] > most:
+            continue
+        functions = polynomials(x.distinct, x.distinct)[x.ranks]
+        if x.covariate.known is not None:
+            functions = (functions.T * x.covariate.known[rows[x.some]]).T
+        for c in x.enter.values():
+            full = np.zeros((len(model.readings), functions.shape[1]))
+            full[rows[x.some]] = functions * c[:, None]
+            found[x.some.start].append(full)
+    return [f for own in found.values() for f in own]
 
 
 class Said(NamedTuple):

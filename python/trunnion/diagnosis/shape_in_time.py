@@ -85,8 +85,9 @@ def _clock(kept: Case, process: Floats) -> Covariate | None:
 
     def serves(v: Covariate) -> bool:
         first, end = v.readings or (0, len(process))
-        inside = bool(np.all((acting >= first) & (acting < end)))
-        return v.sequence and inside and len(np.unique(v.values[acting])) >= MIN_MOMENTS
+        if not (v.sequence and np.all((acting >= first) & (acting < end))):
+            return False
+        return len(np.unique(v.values[acting])) >= MIN_MOMENTS
 
     found = [v for v in kept.model.covariates if serves(v)]
     return min(found, key=lambda v: not v.unit, default=None)
