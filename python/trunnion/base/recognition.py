@@ -12,6 +12,7 @@ MAX_ROUNDING = 1e-13  # of the largest reading: rounding of numbers
 MIN_STEP = 1e-8  # µm, arcsec: what computers make of coordinates of metres
 MAX_PARTS = 5  # steps between the nearest readings
 SAME_STEP = 0.02
+FEW = 64  # numbers by which a step is refused before all are tried
 MAX_STEP_SIGMAS = 100.0  # of steps that are recognised; a fit takes much of what rounding leaves
 MIN_EXACT = 8  # distinct readings that a step is recognised in although they fit far better
 SMALLEST = 1e-3  # µm, arcsec: steps below this are digits that no instrument resolves
@@ -42,18 +43,27 @@ def all_recognised(values: Floats) -> Iterator[float]:
     gaps = gaps[gaps > rounding]
     if not len(gaps):
         return
-    off = distinct - distinct[0]
-    for step in float(gaps.min()) / np.arange(1, MAX_PARTS + 1):
-        if step > rounding and np.all(np.abs(off - step * np.round(off / step)) < SAME_STEP * step):
-            yield float(step)
-            break
-    digits = 10.0 ** np.floor(np.log10(float(gaps.min())))
-    while digits > rounding:
-        count = np.round(off / digits)
-        if np.all(np.abs(off - digits * count) < SAME_STEP * digits):
-            yield float(digits * np.gcd.reduce(count.astype(np.int64)))
-            return
-        digits /= 10
+    off, least = distinct - distinct[0], float(gaps.min())
+    steps = (least / np.arange(1, MAX_PARTS + 1)).tolist()
+    digits = [float(10.0 ** np.floor(np.log10(least)))]
+    while digits[-1] > rounding:
+        digits.append(digits[-1] / 10)
+    if about := _first_on(off, [step for step in steps if step > rounding]):
+        yield about
+    if exact := _first_on(off, digits[:-1]):
+        count = np.round(off / exact)
+        yield float(exact * np.gcd.reduce(count.astype(np.int64)))
+
+
+def _first_on(off: Floats, steps: Sequence[float]) -> float:
+    """Return the first of some steps of which all numbers are about multiples; 0: none."""
+    # Nearly all steps fail by a few numbers: these are tried for all of them at once.
+    every, few = np.array(steps), off[:FEW, None]
+    likely = np.all(np.abs(few - every * np.round(few / every)) < SAME_STEP * every, axis=0)
+    for step in every[likely].tolist():
+        if np.all(np.abs(off - step * np.round(off / step)) < SAME_STEP * step):
+            return float(step)
+    return 0.0
 
 
 def as_displayed(step: float, distinct: int) -> float:
@@ -119,9 +129,11 @@ def unstated(
     """
     # Numbers are whole steps from 0, too: seen where all differ by what a plan has between places.
     off = cache(off)
-    every = ((v, one) for one in recorded for v in (one, np.append(one, 0.0)))
-    distinct = min((len(np.unique(one)) for one in recorded), default=0)
-    steps = ((step, one) for v, one in every for step in all_recognised(v))
+    known = [np.unique(one) for one in recorded]
+    distinct = min(map(len, known), default=0)
+    every = zip(known, recorded, strict=True)
+    both = ((v, one) for own, one in every for v in (own, np.append(own, 0.0)))
+    steps = ((step, one) for v, one in both for step in all_recognised(v))
     found = ((as_displayed(step, distinct), one) for step, one in steps)
     for step, values in sorted(found, key=itemgetter(0), reverse=True):
         if step <= COARSER * stated:

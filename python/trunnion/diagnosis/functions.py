@@ -285,7 +285,16 @@ class Together:
     def __init__(self, parts: Sequence[Part]) -> None:
         self._components, self._some = parts[0].components, parts[0].some
         self._kept = [part for part in parts if isinstance(part, FunctionPart)]
+        if self._components.shape[1] <= AT_ONCE:  # once for all products
+            self._rows = self._functions(slice(None))
         self._jumps = [part for part in parts if isinstance(part, JumpPart)]
+
+    _rows: Floats | None = None
+
+    def _functions(self, some: slice) -> Floats | None:
+        """Functions of all parts at some of the readings, one a row, in double precision."""
+        own = [x.rows(some) for x in self._kept]
+        return np.concatenate(own, dtype=np.float64) if own else None
 
     def products(self, r: Floats) -> dict[int, Floats]:
         """Inner products of all columns with r (n, s), (columns, s) of each part by its id.
@@ -302,7 +311,7 @@ class Together:
             each = self._components[:, None, some] * own[some].T
             weighted = each.reshape(width, each.shape[2]).T
             if self._kept:
-                rows = np.concatenate([x.rows(some) for x in self._kept], dtype=np.float64)
+                rows = self._functions(some) if self._rows is None else self._rows
                 sums += rows @ weighted
             for part, total in zip(self._jumps, between, strict=True):
                 part.jumps.add(weighted, first, total)
