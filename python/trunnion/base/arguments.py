@@ -362,10 +362,12 @@ def holds_nan(value: Any) -> bool:
         return bool(value != value)
     if isinstance(value, np.ndarray):
         return value.dtype.kind in "fc" and bool(np.isnan(value).any())
-    if isinstance(value, Mapping):
-        return any(map(holds_nan, value.values()))
+    if value is None or isinstance(value, str | int):  # most of a result: asked before classes are
+        return False
     if isinstance(value, tuple | list):
         return any(map(holds_nan, value))
+    if isinstance(value, Mapping):
+        return any(map(holds_nan, value.values()))
     if isinstance(value, Result):
         return any(holds_nan(getattr(value, each.name)) for each in fields(value))
     return False

@@ -184,10 +184,15 @@ class Among:
         for b, x in blocks.items():
             self._place[b] = np.arange(first, first := first + len(x))
         own = np.concatenate(list(blocks.values()))
-        before = [x @ own.T for x in self._columns]
         self._columns.append(own)
-        beside = np.concatenate([np.zeros((0, len(own))), *before])
-        self._gram = np.block([[self._gram, beside], [beside.T, own @ own.T]])
+        known, self._gram = self._gram, np.zeros((first, first))
+        self._gram[: len(known), : len(known)] = known
+        row = 0
+        for x in self._columns:
+            products = x @ own.T
+            some, row = slice(row, row + len(x)), row + len(x)
+            self._gram[some, len(known) :] = products
+            self._gram[len(known) :, some] = products.T
 
 
 def neighbours(part: Floats | Part, some: slice, k: int) -> Floats:
