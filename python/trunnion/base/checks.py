@@ -73,6 +73,8 @@ def numbers(what: str, value: object) -> dict[str, float]:
 
 def finite(what: str, value: object, expected: str = "a finite number") -> float:
     """Return a number as float; text, flags and what is not finite are refused."""
+    if type(value) is float and math.isfinite(value):  # nearly all are: no class is asked
+        return value
     if isinstance(value, Real) and not isinstance(value, bool):
         try:
             number = float(cast(SupportsFloat, value))

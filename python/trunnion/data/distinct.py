@@ -91,8 +91,8 @@ def distinct_rows(data: Any) -> Distinct:
         ),
     ):
         original = found(data[first] if len(first) < len(data) else data)
-        own = np.unique(original)
-        if len(own) < len(first):
+        if not np.array_equal(original, np.arange(len(first))):
+            own = np.unique(original)
             count = len(first) - len(own)
             notes.append(f"{count} of {len(first)} rows repeat others {what}: each counts once.")
             stands_for = np.searchsorted(own, original)[stands_for]

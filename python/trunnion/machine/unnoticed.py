@@ -14,6 +14,7 @@ MIN_SHIFT = 1.0  # standard errors of a location error; a smaller shift of it is
 MAX_STATED = 3
 MORE = 1.0 + 1e-9  # of two parameters that shift as much, the first is named
 AT_ONCE = 16  # columns
+TINY = 1e-300
 LARGE = 10.0
 """Assumed sizes of a large effect; effects of one such size many a good measurement misses."""
 
@@ -58,16 +59,17 @@ def unnoticed(
         return {}
     least = np.array([max(std[names[i]], ROUNDING) for i in known])
     found: dict[str, tuple[float, str, float, int, float]] = {}
-    for parameter, along, left, whole in _beside(jacobian, cofactor, columns):
-        effect, name = parameter.split(".", 1)
-        if left <= absorbed * whole or effect in without:
-            continue
-        size = min(noticed / left, ASSUMED_SIZE.get(unit_of(name), 1.0))
-        ratio = np.abs(along[known]) * size / least
-        worst = int(np.argmax(ratio))
-        if ratio[worst] > MORE * max(found.get(effect, (MIN_SHIFT,))[0], MIN_SHIFT):
-            shift = float(along[known[worst]]) * size
-            found[effect] = float(ratio[worst]), name, size, known[worst], shift
+    for some, along, left, whole in _beside(jacobian, cofactor, columns):
+        assumed = [ASSUMED_SIZE.get(unit_of(parameter), 1.0) for parameter in some]
+        sizes = np.minimum(noticed / np.maximum(left, TINY), assumed)
+        ratio = np.abs(along[:, known]) * sizes[:, None] / least
+        worst, most = np.argmax(ratio, axis=1), np.max(ratio, axis=1)
+        for i in np.flatnonzero((left > absorbed * whole) & (most > MORE * MIN_SHIFT)).tolist():
+            effect, name = some[i].split(".", 1)
+            if effect not in without and most[i] > MORE * found.get(effect, (MIN_SHIFT,))[0]:
+                size, place = float(sizes[i]), known[worst[i]]
+                shift = float(along[i, place]) * size
+                found[effect] = float(most[i]), name, size, place, shift
     out = {}
     for effect in sorted(found, key=lambda k: -found[k][0])[:MAX_STATED]:
         _, name, size, place, shift = found[effect]
@@ -98,10 +100,12 @@ def unnoticed_if_large(
     :data:`LARGE` times its assumed size.
     """
     seen: dict[str, bool] = {}
-    for parameter, _, left, whole in _beside(jacobian, cofactor, columns):
-        effect, name = parameter.split(".", 1)
-        shown = left > absorbed * whole and left * large(unit_of(name)) >= noticed
-        seen[effect] = shown or seen.get(effect, False)
+    for some, _, left, whole in _beside(jacobian, cofactor, columns):
+        largest = np.array([large(unit_of(parameter)) for parameter in some])
+        shown = (left > absorbed * whole) & (left * largest >= noticed)
+        for parameter, one in zip(some, shown.tolist(), strict=True):
+            effect = parameter.split(".", 1)[0]
+            seen[effect] = one or seen.get(effect, False)
     return tuple(effect for effect, noticed in seen.items() if not noticed)
 
 
@@ -112,8 +116,8 @@ def large(unit: str) -> float:
 
 def _beside(
     jacobian: Floats, cofactor: Floats, columns: Mapping[str, Floats]
-) -> Iterator[tuple[str, Floats, float, float]]:
-    """Each column's name, what the fit makes of it (p,), length of what is left, and of all."""
+) -> Iterator[tuple[list[str], Floats, Floats, Floats]]:
+    """Some columns' names, what the fit makes of each (m, p), lengths of what is left, of all."""
     gram, names = jacobian.T @ jacobian, list(columns)
     for first in range(0, len(names), AT_ONCE):
         some = names[first : first + AT_ONCE]
@@ -122,5 +126,4 @@ def _beside(
         along = products @ cofactor.T
         whole = np.einsum("ij,ij->i", x, x)
         left = whole + np.einsum("ij,ij->i", along @ gram - 2.0 * products, along)
-        lengths = (np.sqrt(np.maximum(squares, 0.0)).tolist() for squares in (left, whole))
-        yield from zip(some, along, *lengths, strict=True)
+        yield some, along, np.sqrt(np.maximum(left, 0.0)), np.sqrt(np.maximum(whole, 0.0))
