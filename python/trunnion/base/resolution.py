@@ -341,6 +341,12 @@ class Grid:
             return None
         return place_of(residuals, jacobian, covariance, self.step, used)
 
+    def draws_in(self, noise: float) -> bool:
+        """Whether there are :meth:`draws` in this noise: steps are large beside it somewhere."""
+        if self.known is None:
+            return self.matters(noise)
+        return bool(np.any(self.known.noise < MAX_SIMULATED_STEPS * self.known.scale))
+
     def draws(
         self,
         values: Floats,
@@ -359,12 +365,12 @@ class Grid:
         ``noise``: of all readings, unless that of each is known. ``place``: of machines that were
         read so, from which they are drawn in place of the covariance.
         """
+        if not self.draws_in(noise):
+            return None
         known, every = self.known, np.ones(len(values))
         each, scale = noise * every, float(self.step.max()) * every
         if known is not None:
             each, scale = known.noise, known.scale
-        if not np.any(each < MAX_SIMULATED_STEPS * scale):
-            return None
         count = int(np.clip(MAX_DRAWN // len(values), MIN_DRAWS, MAX_DRAWS))
         rng = np.random.default_rng(SEED)
         if place is None:

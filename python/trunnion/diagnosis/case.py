@@ -333,12 +333,15 @@ class Case:
         if self.grid is None:
             return None
         of = of or self.likely or self.plain
+        noise = self._noise_beside(self.grid, of)
+        if not self.grid.draws_in(noise):
+            return None
         drawn = self.grid.draws(
             self.model.readings.values,
             of.residuals,
             of.jacobian,
             self._covariance(of, wide=wide),
-            self._noise_beside(self.grid, of),
+            noise,
             spread,
             None if spread else self.place(of),
         )

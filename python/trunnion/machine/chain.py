@@ -217,6 +217,23 @@ class Chain:
         """Names of the machine's location errors, with their unit ("um", "arcsec")."""
         return dict(self._nominal.location_errors)
 
+    @cached_property
+    def artefact(self) -> _core.Artefact:
+        """The core's artefact, where it nominally stands on the table.
+
+        Raises InputError: a set-up without an artefact.
+        """
+        artefact = self.setup.artefact
+        return _core.Artefact(
+            *artefact_dimensions(self.setup),
+            place_mm=artefact.effective_place_mm,
+            turn_deg=artefact.turn_deg,
+            stem_diameter_mm=artefact.effective_stem_diameter_mm,
+            **artefact.obstacles,
+            tolerance_mm=artefact.tolerance_mm,
+            tolerance_deg=artefact.tolerance_deg,
+        )
+
     def named_errors(self, errors: Mapping[str, float] | None) -> dict[str, float]:
         """Location errors under their canonical names; those of the set-up where not given.
 
@@ -307,20 +324,3 @@ def artefact_dimensions(setup: Setup) -> tuple[str, list[float]]:
         return "ring", [diameter * grown, outer * grown, artefact.height_mm * grown]
     sizes = artefact.length_mm, artefact.width_mm, artefact.height_mm
     return artefact.kind, [size * grown for size in sizes]
-
-
-def standing_artefact(setup: Setup) -> _core.Artefact:
-    """The core's artefact, where it nominally stands on the table.
-
-    Raises InputError: a set-up without an artefact.
-    """
-    artefact = setup.artefact
-    return _core.Artefact(
-        *artefact_dimensions(setup),
-        place_mm=artefact.effective_place_mm,
-        turn_deg=artefact.turn_deg,
-        stem_diameter_mm=artefact.effective_stem_diameter_mm,
-        **artefact.obstacles,
-        tolerance_mm=artefact.tolerance_mm,
-        tolerance_deg=artefact.tolerance_deg,
-    )

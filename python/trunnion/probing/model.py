@@ -14,7 +14,7 @@ from trunnion.base.recognition import unstated
 from trunnion.base.resolution import Grid
 from trunnion.base.units import Floats, Integers
 from trunnion.data.touches import Touches
-from trunnion.machine.chain import Chain, standing_artefact
+from trunnion.machine.chain import Chain
 from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner
 from trunnion.probing.recorded import (
     coordinates_um,
@@ -139,7 +139,7 @@ class TouchModel:
         self.effect_ids = tuple(map(self.chain.effect_id, effects))
         self.core = _core.TouchModel(
             self.chain.machine({}),
-            standing_artefact(setup),
+            self.chain.artefact,
             ball_radius_mm=setup.probe.ball_radius_mm,
             tick_um=setup.probe.tick_um if tick_um is None else tick_um,
             servo_period_ms=setup.probe.servo_period_ms if tick_um is None else 0.0,

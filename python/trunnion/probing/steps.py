@@ -14,7 +14,7 @@ from trunnion.base.progress import tracked
 from trunnion.base.units import Flags, Floats
 from trunnion.data.touches import Touches
 from trunnion.files.origin import places
-from trunnion.machine.chain import Chain, standing_artefact
+from trunnion.machine.chain import Chain
 from trunnion.probing.cycle import BACK_OFF_DEG, Cycle, Step
 from trunnion.probing.model import TouchModel
 from trunnion.setup import Setup
@@ -28,9 +28,10 @@ MAX_NAMED = 10
 
 def arrangement(setup: Setup) -> _core.Arrangement:
     """Return the core's machine, artefact, table and probe of a set-up."""
+    chain = Chain(setup)
     return _core.Arrangement(
-        Chain(setup).machine(),
-        standing_artefact(setup),
+        chain.machine(),
+        chain.artefact,
         ball_radius_mm=setup.probe.ball_radius_mm,
         stem_radius_mm=setup.probe.effective_stem_radius_mm,
         stem_length_mm=setup.probe.effective_stem_length_mm,
