@@ -21,7 +21,7 @@ from sweep_moves import (
     rotary_of,
     swept,
 )
-from trunnion.machine.chain import Chain, standing_artefact
+from trunnion.machine.chain import Chain
 from trunnion.probing.notes import assumptions
 from trunnion.setup.holders import CHUCKS, PLATES, VISES
 from trunnion.setup.machines import presets
@@ -412,7 +412,7 @@ def test_a_table_without_size_is_refused_not_a_panic() -> None:
         with pytest.raises(tn.InputError, match=r"of the table in mm|table_(radius|thickness)_mm"):
             _core.Arrangement(
                 Chain(CROSS).machine(),
-                standing_artefact(CROSS),
+                Chain(CROSS).artefact,
                 ball_radius_mm=1.0,
                 stem_radius_mm=0.5,
                 stem_length_mm=100.0,
