@@ -201,6 +201,10 @@ def _with_fewer_digits(data: Table) -> Integers:
         coarse = _in_runs(digits <= count)
         if not coarse.any() or np.median(digits[~coarse]) < count + FEWER_DIGITS:
             continue
+        # Rows that are alike have readings of the same sum: nearly always too few of them have.
+        total = _total([np.round(v, count) for v in readings.values()])
+        if np.count_nonzero(np.isin(total[coarse], total[~coarse])) < MIN_COPIED:
+            continue
         rounded = {
             name: np.round(v, count) + 0.0 if v.dtype.kind == "f" else v
             for name, v in data.columns.items()
@@ -254,14 +258,18 @@ def _numbers(columns: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
 def _first_equal(columns: Sequence[NDArray[Any]]) -> Integers:
     """Of each row the first that is as it is in every column."""
     # Equal rows have equal sums, so distinct sums are those of distinct rows: one column to sort.
-    numbers = [v for v in columns if v.dtype.kind in "fi"]
-    total = np.asarray(sum(np.sqrt(2.0 + i) * v for i, v in enumerate(numbers)))
+    total = _total([v for v in columns if v.dtype.kind in "fi"])
     if len(np.unique(total)) == len(columns[0]):
         return np.arange(len(columns[0]))
     codes = [np.unique(v, return_inverse=True)[1].reshape(-1) for v in columns]
     table = np.column_stack(codes)
     _, first, same = np.unique(table, axis=0, return_index=True, return_inverse=True)
     return np.asarray(first[same.reshape(-1)], dtype=np.intp)
+
+
+def _total(columns: Sequence[NDArray[Any]]) -> Floats:
+    """Sum of each row, that of equal rows equal and of others hardly ever."""
+    return np.asarray(sum(np.sqrt(2.0 + i) * v for i, v in enumerate(columns)))
 
 
 def _by_chance(data: Table, original: Integers, but: str = "") -> bool:

@@ -285,16 +285,13 @@ class Together:
     def __init__(self, parts: Sequence[Part]) -> None:
         self._components, self._some = parts[0].components, parts[0].some
         self._kept = [part for part in parts if isinstance(part, FunctionPart)]
-        if self._components.shape[1] <= AT_ONCE:  # once for all products
-            self._rows = self._functions(slice(None))
         self._jumps = [part for part in parts if isinstance(part, JumpPart)]
+        few = self._kept and self._components.shape[1] <= AT_ONCE
+        self._every = self._functions(slice(None)) if few else None  # once for all products
 
-    _rows: Floats | None = None
-
-    def _functions(self, some: slice) -> Floats | None:
-        """Functions of all parts at some of the readings, one a row, in double precision."""
-        own = [x.rows(some) for x in self._kept]
-        return np.concatenate(own, dtype=np.float64) if own else None
+    def _functions(self, some: slice) -> Floats:
+        """Functions of all parts at some of their readings, one a row, in double precision."""
+        return np.concatenate([x.rows(some) for x in self._kept], dtype=np.float64)
 
     def products(self, r: Floats) -> dict[int, Floats]:
         """Inner products of all columns with r (n, s), (columns, s) of each part by its id.
@@ -311,8 +308,8 @@ class Together:
             each = self._components[:, None, some] * own[some].T
             weighted = each.reshape(width, each.shape[2]).T
             if self._kept:
-                rows = self._functions(some) if self._rows is None else self._rows
-                sums += rows @ weighted
+                functions = self._functions(some) if self._every is None else self._every
+                sums += functions @ weighted
             for part, total in zip(self._jumps, between, strict=True):
                 part.jumps.add(weighted, first, total)
         parts: list[Part] = [*self._kept, *self._jumps]
