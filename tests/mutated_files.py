@@ -55,6 +55,20 @@ noise_um = [0.1, 0.3]
 length_mm = 150.0
 """
 
+SHAPE = "# a part\nz_mm,x_mm,type,radius_mm\n80,10,,\n60,20,3,2\n30,20,8,1\n\n0,30,,\n"
+
+EFFECTS = """[[effect]]
+id = "rail_wave"
+data = "Touches"
+covariate = "Y place"
+shape = "wave"
+number = 31.0
+component = "X"
+unit = "mm"
+low = -50.0
+high = 50.0
+"""
+
 
 PROGRAMS = {
     "paper-um": "N10 G00 X40000 Z100000\nN20 G01 Z50000 F100\nN30 X60000\n",
@@ -147,6 +161,8 @@ def formats() -> dict[str, Format]:
     for dialect, text in PROGRAMS.items():
         found[f"program {dialect}"] = (_program(dialect), text.encode())
     found["study"] = (_study, STUDY.encode())
+    found["shape"] = (tn.turning.read_shape, SHAPE.encode())
+    found["effects"] = (tn.read_effects, EFFECTS.encode())
     found["error map"] = (tn.read_error_map, (EXAMPLES["ErrorMap"]().to_csv() or "").encode())
     found["estimate"] = (tn.read_estimate, tn.identify(*_cross()).to_json().encode())
     for name in (
@@ -186,6 +202,9 @@ def dialects() -> dict[str, Format]:
         path = Path(folder, "points.xlsx")
         book.save(path)
         found["workbook"] = (tn.read, path.read_bytes())
+        path = Path(folder, "touches.parquet")
+        _cross()[0][:4].to_pandas().to_parquet(path)
+        found["parquet"] = (tn.read, path.read_bytes())
     return found
 
 

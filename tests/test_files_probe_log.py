@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 import trunnion as tn
 from trunnion.cli import app
+from trunnion.data.linuxcnc_log import probe_log_of
 
 FIRST = "37.500012 0.000000 26.003100 0.000000 0.000000 90.000000 0.000000 0.000000 0.000000\n"
 SECOND = "50.998700 12.500000 1.000000 -90.000000 0.000000 180.000100 0.000000 0.000000 0.000000\n"
@@ -431,3 +432,37 @@ def test_what_a_compensation_must_know_of_the_work_offset_is_said(
     assert len(read.notes) == bool(says)
     for part in says:
         assert part in read.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("moved", "said"),
+    [
+        ((0.0, 0.0, -1.0), "ball was (0, 0, -1) mm from where it was planned: was the work offset another, or the tool's length (of another tool, or to the tip"),
+        ((0.0, 0.0, -25.4), "ball was (0, 0, -25.4) mm from where it was planned"),
+        ((2.0, -3.0, 0.5), "ball was (2, -3, 0.5) mm from where it was planned: was the work offset another, or the tool's length (of another tool)?"),
+    ],
+)  # fmt: skip
+def test_touches_all_beside_their_lines_alike_have_a_likely_cause(
+    moved: tuple[float, float, float], said: str, tmp_path: Path
+) -> None:
+    """The artefact stands elsewhere, too: that moves touches along their lines only."""
+    setup = tn.read_setup(tn.sample_path("cross/setup.toml"))
+    plan = tn.plan(setup)
+    rng = np.random.default_rng(5)
+    along = rng.uniform(-1.5, 1.5, (len(plan), 1)) * plan.direction
+    x, y, z = (plan.position_mm + along + moved).T
+    path = tmp_path / "probe.log"
+    path.write_text(probe_log_of(plan, plan.with_columns(x_mm=x, y_mm=y, z_mm=z), "plan.csv"))
+    with pytest.raises(tn.FileFormatError) as error:
+        tn.read_probe_log(path, plan)
+    assert said in str(error.value)
+
+
+def test_touches_beside_their_lines_in_all_directions_have_no_likely_cause(tmp_path: Path) -> None:
+    plan = tn.plan(tn.read_setup(tn.sample_path("cross/setup.toml")))
+    off = np.random.default_rng(6).uniform(-1.5, 1.5, (len(plan), 3))
+    x, y, z = (plan.position_mm + off).T
+    path = tmp_path / "probe.log"
+    path.write_text(probe_log_of(plan, plan.with_columns(x_mm=x, y_mm=y, z_mm=z), "plan.csv"))
+    with pytest.raises(tn.FileFormatError, match="is it a touch of another program"):
+        tn.read_probe_log(path, plan)

@@ -78,7 +78,7 @@ LOG_DECIMALS = 6
 PLANS = ("paper", "rich")
 READ = ("no", "yes", "rounded")
 """On a tick without and with dither, or in rounded coordinates."""
-RUNS = (1000, 300)  # rates of the paper's plan lie nearer to what is expected of them
+RUNS = (500, 200)  # rates of the paper's plan lie nearer to what is expected of them
 RATIOS = (0.0, 0.03, 0.1, 0.3, 1.0, 3.0)
 COVERED = 1.959964
 MAX_OFF = 200.0  # µm, arcsec, of another machine: some combinations change no reading

@@ -50,6 +50,8 @@ ROTARY_TOLERANCE_DEG = 0.001
 
 DISTANCE_MM = 5.0
 """How far a touch may be from the planned one; the contract's limit for touches off the surface."""
+FEWEST = 4  # touches that tell where the ball was
+OTHER_TOUCH = ": is it a touch of another program, or was its line changed?"
 
 
 def refuse_probe_log(source: Source) -> None:
@@ -259,7 +261,7 @@ def _check(log: Log, entries: Sequence[_Entry], plan: Touches) -> None:
                 first,
                 f"X (touch {entry.row + 1}): got a touch {distance:.3f} mm from the planned "
                 f"one, expected at most {DISTANCE_MM:g} mm from ({x:.3f}, {y:.3f}, {z:.3f})"
-                f"{_in_another_unit(entries, planned)}",
+                f"{_likely_cause(entries, plan, planned)}",
             )
         across = across_mm(off[None, :3], plan.direction[[entry.row]])[0]
         beside, axis = float(np.linalg.norm(across)), int(np.argmax(np.abs(across)))
@@ -269,18 +271,37 @@ def _check(log: Log, entries: Sequence[_Entry], plan: Touches) -> None:
                 first + axis,
                 f"{NAMES[axis]} (touch {entry.row + 1}): got a touch {beside:.3f} mm beside the "
                 f"line of its approach, expected at most {BESIDE_MM:g} mm, as the program moves "
-                "the ball along it: is it a touch of another program, or was its line changed?",
+                "the ball along it"
+                f"{_likely_cause(entries, plan, planned) or OTHER_TOUCH}",
             )
 
 
-def _in_another_unit(entries: Sequence[_Entry], planned: Floats) -> str:
-    """Say that all touches are where they were planned if they are in inches; else nothing."""
+def _likely_cause(entries: Sequence[_Entry], plan: Touches, planned: Floats) -> str:
+    """Say that all touches are as planned in inches, or where the ball is elsewhere; else nothing.
+
+    The program moves the ball along the line of approach, so that what lies across it tells where
+    the ball was, wherever the artefact stands.
+    """
+    rows = [entry.row for entry in entries]
     logged = np.array([entry.values[:3] for entry in entries])
-    expected = planned[[entry.row for entry in entries], :3]
+    expected, way = planned[rows, :3], plan.direction[rows]
     for text, factor in (("in inches (G20)", 25.4), ("in mm, taken for inches", 1 / 25.4)):
         if np.linalg.norm(factor * logged - expected, axis=1).max() <= DISTANCE_MM:
             return f"; all are where they were planned if X, Y and Z are {text}"
-    return ""
+    if len(rows) < FEWEST:
+        return ""
+    across = np.eye(3) - way[:, :, None] * way[:, None, :]
+    parts = across_mm(logged - expected, way)
+    moved = np.linalg.lstsq(across.reshape(-1, 3), parts.reshape(-1), rcond=None)[0]
+    apart = np.linalg.norm(parts - across @ moved, axis=1).max()
+    if apart > BESIDE_MM or np.linalg.norm(moved) <= BESIDE_MM:
+        return ""
+    x, y, z = np.round(moved, 3) + 0.0
+    tip = ", or to the tip instead of the ball's centre" if max(abs(x), abs(y)) < 0.1 else ""
+    return (
+        f"; all are on their lines if the ball was ({x:g}, {y:g}, {z:g}) mm from where it was "
+        f"planned: was the work offset another, or the tool's length (of another tool{tip})?"
+    )
 
 
 def _in_order(log: Log, plan: Touches) -> list[_Entry]:

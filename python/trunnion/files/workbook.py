@@ -55,14 +55,15 @@ def parquet_lines(name: str, raw: bytes) -> list[str]:
     try:
         parquet = optional_module("pyarrow.parquet", "Parquet files", "parquet")
         table = parquet.read_table(io.BytesIO(raw))
+        names = table.column_names
+        columns = [column.to_pylist() for column in table.columns]
     except ImportError as error:
         raise FileFormatError(f"{name}:1:1: got a Parquet file: {error}") from None
     except Exception as error:  # whatever the parser raises of a broken file
         raise FileFormatError(
             f"{name}:1:1: got a file that cannot be read as Parquet ({type(error).__name__})"
         ) from None
-    columns = [column.to_pylist() for column in table.columns]
-    rows = [table.column_names, *zip(*columns, strict=True)]
+    rows = [names, *zip(*columns, strict=True)]
     return [",".join(map(_field, row)) for row in rows]
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from trunnion.base.checks import instance
 from trunnion.base.errors import DataError
 from trunnion.base.statistics import linear_fit
 from trunnion.base.units import without_unit
@@ -40,6 +41,11 @@ def plan_notes(plan: Touches, setup: Setup) -> tuple[str, ...]:
     tuple of str
         A sentence each, for the user of a program.
 
+    Raises
+    ------
+    InputError
+        Not a plan, or not a set-up.
+
     Examples
     --------
     >>> import trunnion as tn
@@ -47,6 +53,8 @@ def plan_notes(plan: Touches, setup: Setup) -> tuple[str, ...]:
     >>> print(tn.plan_notes(tn.plan(setup), setup)[0])
     Keeps clear as long as the artefact stands within 2 mm and 1 deg of its place.
     """
+    instance("plan", plan, Touches, "Touches, as plan or read_touches gives them")
+    instance("setup", setup, Setup, "a Setup, as read_setup gives it")
     feeds = () if plan.feed_mm_min is None else plan.feed_mm_min.tolist()
     return (
         *assumptions(setup),

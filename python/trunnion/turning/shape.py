@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import csv
 import os
+from collections.abc import Sequence
 
 from trunnion.base.arguments import checked
-from trunnion.base.errors import FileFormatError
+from trunnion.base.errors import FileFormatError, InputError
 from trunnion.base.input import file_bytes
 from trunnion.files.text import decode
 from trunnion.turning.profile import Corner, Kind, Profile
@@ -41,14 +42,23 @@ def read_shape(path: str | os.PathLike[str]) -> Profile:
     Raises
     ------
     FileFormatError
-        Missing columns, a value that is no number, a type that is none; with the line.
-    InputError
-        A contour that cannot be (see `Profile.from_points`).
+        Missing columns, a value that is no number, a type that is none; with the line. A contour
+        that cannot be (see `Profile.from_points`); with its point.
     """
     name = str(path)
     lines = decode(name, file_bytes(path)).splitlines()
     kept = [(i, text) for i, text in enumerate(lines, 1) if text.strip() and text[0] != "#"]
     reader = csv.DictReader((text for _, text in kept), skipinitialspace=True)
+    try:
+        return _profile(name, kept, reader)
+    except csv.Error as error:
+        raise FileFormatError(f"{name}, line {kept[reader.line_num - 1][0]}: {error}") from None
+    except InputError as error:
+        raise FileFormatError(f"{name}: {error}") from None
+
+
+def _profile(name: str, kept: Sequence[tuple[int, str]], reader: csv.DictReader[str]) -> Profile:
+    """Return the contour of a file; ``kept``: number and text of its lines that are no comments."""
     columns = [column.strip() for column in reader.fieldnames or ()]
     reader.fieldnames = columns
     for column in COLUMNS[:2]:
@@ -57,8 +67,8 @@ def read_shape(path: str | os.PathLike[str]) -> Profile:
             got = ", ".join(columns) or "no columns"
             raise FileFormatError(f"{where}: got {got}, expected {', '.join(COLUMNS)}")
     corners = []
-    for (line, _), row in zip(kept[1:], reader, strict=True):
-        place = f"{name}, line {line}"
+    for row in reader:
+        place = f"{name}, line {kept[reader.line_num - 1][0]}"
         z, x, radius = (_number(place, row, column) for column in ("z_mm", "x_mm", "radius_mm"))
         corners.append(Corner(z, x, _kind(place, row.get("type")), radius))
     return Profile.from_points(corners)
