@@ -2,6 +2,7 @@
 # ruff: noqa: E501  (a table of cases reads best with one line a case)
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -256,11 +257,23 @@ def test_the_frame_of_a_log_for_its_next_run(plan: tn.Touches, tmp_path: Path) -
     path = tmp_path / "touches.log"
     state = "; G55 1 -2.5 3 tool length 100.25 A 0 C 0.5 machine"
     path.write_text(run(plan).replace("; G54 0 0 0 tool length 100", state) + ONE)
-    made = tn.probing_program(plan, setup, start_at=2, continues=path)
+    own = replace(setup, control=tn.ControlSetup(wcs="G55", rotary_offset_deg=0.5))
+    made = tn.probing_program(plan, own, start_at=2, continues=path)
     assert dict(made.cycle.frame_before) == {
         "wcs": 2, "x": 1, "y": -2.5, "z": 3, "length": 100.25, "a": 0, "c": 0.5,
     }  # fmt: skip
     assert "#<was_length> = 100.250000" in made.text()
+    for control, message in (
+        (tn.ControlSetup(rotary_offset_deg=0.5), "got runs in G55, expected G54 as in the set-up"),
+        (tn.ControlSetup(wcs="G55"), "got runs with C shifted by 0.5 deg, expected at most"),
+        (
+            tn.ControlSetup(wcs="G55", rotary_offset_deg=0.5, centre_mm=(1.0, 2.5, 3.0)),
+            r"G55 at \[1, -2.5, 3\], expected it within 1 mm of control.centre_mm = \[1, 2.5, 3\]",
+        ),
+    ):  # a program that the control's state would stop before its first move
+        other = replace(setup, control=control)
+        with pytest.raises(tn.InputError, match=message):
+            tn.probing_program(plan, other, start_at=2, continues=path)
     path.write_text(run(plan) + ONE)  # of a program before these had rotary offsets
     assert (
         "frame_c> - #<was_c>"

@@ -399,3 +399,31 @@ def test_the_command_refuses_what_does_not_fit(
     run("view", "on.json", "setup.toml", "-o", "left.html")  # what corrections leave may be seen
     run("compensate", "off.json", "setup.toml", "--control", "linuxcnc")
     assert Path("compensation/trunnion.hal").exists()
+
+
+def test_an_origin_is_said_with_as_many_digits_as_tell() -> None:
+    """A metre and a tenth of a micrometre: what is said is taken when it is stated."""
+    frame = tn.identify(in_frame(wcs_x_mm=1210.1234, wcs_y_mm=1.0, wcs_z_mm=2.0), SETUP)
+    with pytest.raises(tn.DataError, match=r"state centre_mm = \[1210.1234, 1, 2\]"):
+        MachineErrors.to_compensate(SETUP, frame)
+    control = replace(SETUP.control, centre_mm=(1210.1234, 1.0, 2.0))
+    MachineErrors.to_compensate(replace(SETUP, control=control), frame)
+
+
+@pytest.mark.parametrize("kind", ["positioning", "levels", "sweep"])
+def test_an_estimate_with_nothing_to_compensate_is_refused(kind: str) -> None:
+    model = diagnosis_of(kind).model
+    assert isinstance(model, tn.Estimate)
+    with pytest.raises(tn.DataError, match="a compensation by it would change nothing"):
+        MachineErrors.to_compensate(SETUP, model)
+
+
+def test_measurements_before_and_after_corrections_are_not_swapped() -> None:
+    ball = tn.Artefact("sphere", diameter_mm=25.0, centre_mm=(60.0, 20.0, 60.0))
+    setup = tn.Setup(ball)
+    plan = tn.plan(setup, c_deg=(0, 120, 240), a_deg=(30, -40))
+    free = tn.simulate(plan, setup, ERRORS, noise_um=0.2, seed=4)
+    on, off = (free.with_columns(control_corrected=[v] * len(free)) for v in (1, 0))
+    tn.verify_ball(on, setup, before=off, draws=200)
+    with pytest.raises(tn.DataError, match="were the two files swapped"):
+        tn.verify_ball(off, setup, before=on, draws=200)

@@ -120,3 +120,19 @@ def test_touches_of_two_passes_are_recorded_at_one_feed() -> None:
     expected = tn.observability(one_feed, replace(twice, probe=noisy)).noise_um
     assert expected == pytest.approx(np.hypot(0.1, 0.5 / np.sqrt(12)))
     assert len(tn.probing_program(one_feed, twice).cycle.steps) == len(one_feed)
+
+
+@pytest.mark.parametrize("period", [0.25, 0.75])
+@pytest.mark.parametrize("seed", [3, 58, 914])
+def test_the_digits_of_a_file_are_no_clock(period: float, seed: int) -> None:
+    """A sphere's ways are oblique, and coordinates in steps of 0.1 µm make them steps, too."""
+    setup = tn.Setup(
+        tn.Artefact("sphere", diameter_mm=25.0, centre_mm=(60.0, 20.0, 60.0)),
+        probe=tn.Probe(servo_period_ms=period),
+    )
+    plan = tn.plan(setup, c_deg=(0, 120, 240), a_deg=(30, -40), feeds_mm_min=(600.0, 60.0))
+    data = tn.simulate(plan, setup, {"EX0C": 15.0}, noise_um=0.1, seed=seed)
+    short = data.with_columns(**{f"{x}_mm": np.round(data[f"{x}_mm"], 4) for x in "xyz"})
+    for one in (data, written(data), short):
+        assert servo_period_ms(one) == pytest.approx(period, rel=0.02) or not servo_period_ms(one)
+        assert other_period_ms(one, period) == 0.0

@@ -74,6 +74,18 @@ class Bench:
             s.interp_state == linuxcnc.INTERP_IDLE and s.state != linuxcnc.RCS_EXEC and s.inpos
         )
 
+    def rest(self, what: str) -> None:
+        """Wait until the joints stand: their interpolation ends some cycles after the path's."""
+        before = None
+
+        def stand() -> bool:
+            nonlocal before
+            last, before = before, self.stat.joint_position
+            time.sleep(0.01)
+            return last == before
+
+        self.wait(what, stand)
+
     def step(self, step: dict[str, str]) -> dict[str, object]:
         started = time.monotonic()
         moving = hal.get_value("probebench.moving")
@@ -108,6 +120,7 @@ class Bench:
                 return self.idle()
 
             self.wait(step["program"], ready)
+        self.rest("standstill")
         said += self.messages()
         report = {pin: hal.get_value(f"probebench.{pin}") for pin in PINS}
         # Of the servo cycles looked at, and the longest of all, in clocks of the processor.

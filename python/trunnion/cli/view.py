@@ -119,13 +119,15 @@ def _needed(setup: tn.Setup | None, file: Path) -> tn.Setup:
 def _volume(file: Path, setup: tn.Setup) -> Figure:
     """The error as estimated, and what the parameters of a control leave of it.
 
-    Of errors that corrections leave, the error alone.
+    Of errors that no compensation follows in their frame, the error alone.
     """
     known = tn.read_estimate(file)
     points = (7, 7, 5)
     before = tn.volumetric_error(setup, known, points=points)
-    if known.control_frame is not None and known.control_frame.corrected:
-        return tn.plot.scene(before, names=("left by the corrections",))
+    frame = known.control_frame
+    if frame is not None and any(frame.hindrances(setup.control.centre_mm)):
+        name = "left by the corrections" if frame.corrected else "as estimated"
+        return tn.plot.scene(before, names=(name,))
     parameters = tn.cnc_parameters(setup, known)
     after = tn.volumetric_error(setup, known, compensation=parameters, points=points)
     names = ("as estimated", "after compensation by CNC parameters")

@@ -87,6 +87,14 @@ class MachineErrors:
         A frame of the control is refused in which these are no errors of the joints.
         """
         made = cls.of(setup, errors, effects, placement)
+        given = errors if isinstance(errors, Estimate) else effects
+        if isinstance(given, Estimate) and not (given.errors or made.effects or made.own):
+            why = "; ".join(f"{name}: {said}" for name, said in given.not_compensable.items())
+            raise DataError(
+                "errors: got an estimate without location errors and effects of the machine"
+                f"{f' ({why})' if why else ''}, expected one that has some: a compensation by it "
+                "would change nothing"
+            )
         if made.control_frame is not None:
             made.control_frame.refuse_to_compensate(setup)
         return made

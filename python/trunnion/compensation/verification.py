@@ -184,6 +184,7 @@ def verify_ball(
     found = _places(after, stops, setup, "after")
     earlier = None
     if before is not None:
+        _check_not_swapped(before, after)
         there = stops_of(before)
         theirs = _postures(before, np.unique(there, return_index=True)[1])
         if not np.array_equal(theirs, _postures(after, first)):
@@ -285,6 +286,16 @@ def _left(
     by = rates[:, numbers] @ np.append(point, 1.0)
     blocks = draw_changes(random, covariance, freedom_of(setup, estimate), draws)
     return np.concatenate([np.einsum("dp,kpi->dki", block, by) for block in blocks])
+
+
+def _check_not_swapped(before: Touches, after: Touches) -> None:
+    """Refuse touches without corrections after those with them, as the frames of both say."""
+    one, other = before.control_frame, after.control_frame
+    if one is not None and other is not None and one.corrected and other.corrected is False:
+        raise DataError(
+            "control_corrected: got touches before with the control's corrections on and those "
+            "after without, expected the other way round: were the two files swapped?"
+        )
 
 
 def _postures(touches: Touches, rows: Integers) -> Floats:

@@ -116,8 +116,8 @@ class ControlFrame:
         if centre_mm is not None and self.place_mm is not None:
             off = float(np.linalg.norm(np.subtract(self.place_mm, centre_mm)))
             if off > SAME_PLACE_MM:
-                found = ", ".join(f"{v:.6g}" for v in self.place_mm)
-                stated = ", ".join(f"{v:.6g}" for v in centre_mm)
+                found = ", ".join(f"{v:.10g}" for v in self.place_mm)
+                stated = ", ".join(f"{v:.10g}" for v in centre_mm)
                 yield (
                     f"{wcs} was at {found}, {off:.3g} mm from {stated_as} = "
                     f"[{stated}]. Location errors are about the axes of that work offset: state "

@@ -74,7 +74,7 @@ class Geometry:
             chain=known.chain,
             directions={k: known.directions.get(k, cls.UPRIGHT[k]) for k in chain.letters},
             points_mm={k: known.points_mm.get(k, usual[k]) for k in chain.letters},
-            senses={k: setup.sense(k) for k in chain.letters},
+            senses=dict(zip(chain.letters, chain.senses.tolist(), strict=True)),
             pivot_mm=pivot,
         )
 
@@ -189,5 +189,5 @@ def _unit(direction: Sequence[float]) -> Floats:
 
 
 def _shown(*values: Triple) -> tuple[str, str]:
-    one, other = (f"[{', '.join(f'{x:.6g}' for x in value)}]" for value in values)
+    one, other = (f"[{', '.join(f'{x:.12g}' for x in value)}]" for value in values)
     return one, other

@@ -14,15 +14,19 @@ from functools import cached_property
 from os import PathLike
 from pathlib import Path
 
+import numpy as np
+
 from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError, FileFormatError, InputError
 from trunnion.base.units import Floats
+from trunnion.data.frame import ControlFrame
 from trunnion.data.linuxcnc_log import logged_frame, logged_touches, plan_hash
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
 from trunnion.nc import Program
 from trunnion.probing.cycle import Cycle, Frame
 from trunnion.probing.linuxcnc import program_text
+from trunnion.probing.linuxcnc_state import ROUNDED_DEG
 from trunnion.probing.notes import check_feeds
 from trunnion.probing.on_table import on_table
 from trunnion.probing.steps import (
@@ -33,7 +37,7 @@ from trunnion.probing.steps import (
     with_starts,
 )
 from trunnion.setup import Setup
-from trunnion.setup.control import WORK_OFFSETS
+from trunnion.setup.control import WORK_OFFSETS, ControlSetup
 
 LONGEST_NAME = 150
 FILE_NAME = re.compile(rf"(?! )[^()#%;,\x00-\x1f\x7f-\U0010ffff]{{1,{LONGEST_NAME}}}(?<! )")
@@ -201,7 +205,9 @@ def probing_program(
         dry_run=dry_run,
         frame=frame,
         notes=tuple(taken_by_offset(ready, setup)),
-        frame_before={} if continues is None else _frame_before(continues, named_by, frame),
+        frame_before={}
+        if continues is None
+        else _frame_before(continues, named_by, frame, setup.control),
     )
     if start_at > 1:
         cycle = _with_measured(cycle, named, continues)
@@ -248,9 +254,35 @@ def _frame(setup: Setup, *, corrected: bool, tcp: bool) -> Frame:
     return "table"
 
 
-def _frame_before(log: str | PathLike[str], named_by: str, frame: Frame) -> Mapping[str, float]:
-    """Return the numbers of the frame of the runs in a log, by the names of the program."""
+def _frame_before(
+    log: str | PathLike[str], named_by: str, frame: Frame, control: ControlSetup
+) -> Mapping[str, float]:
+    """Return the numbers of the frame of the runs in a log, by the names of the program.
+
+    Those that a program of this set-up refuses are refused here: it could never start.
+    """
     said = logged_frame(log, named_by)
+    known = ControlFrame.of_words(said)
+    if said.get("wcs", control.wcs) != control.wcs:
+        raise InputError(
+            f"continues: got runs in {said['wcs']}, expected {control.wcs} as in the set-up"
+        )
+    if control.centre_mm is not None and known.place_mm is not None:
+        off = np.abs(np.subtract(known.place_mm, control.centre_mm))
+        if off.max() > control.centre_tolerance_mm:
+            both = (known.place_mm, control.centre_mm)
+            at, stated = (", ".join(f"{v:.10g}" for v in place) for place in both)
+            raise InputError(
+                f"continues: got runs with {control.wcs} at [{at}], expected it within "
+                f"{control.centre_tolerance_mm:g} mm of control.centre_mm = [{stated}] of the "
+                "set-up: was it changed since?"
+            )
+    for letter, turned in known.turned_deg.items():
+        if abs(turned) > control.rotary_offset_deg + ROUNDED_DEG:
+            raise InputError(
+                f"continues: got runs with {letter} shifted by {turned:g} deg, expected at most "
+                f"control.rotary_offset_deg = {control.rotary_offset_deg:g} of the set-up"
+            )
     if said.pop("mode", frame) != frame:
         raise InputError(
             f"continues: got runs with other kinematics than this one ({frame}), expected the same"

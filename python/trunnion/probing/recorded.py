@@ -55,13 +55,17 @@ def servo_period_ms(touches: Touches) -> float:
 
     At several feeds the ways, or the places along the approach, are whole steps, and the steps are
     as the feeds; at any, touches from different starts to different places have the same ways: they
-    are of no display, but of a clock.
+    are of no display, but of a clock. It is none whose steps are finer than those in which the
+    coordinates are written.
     """
     feed = touches.feed_mm_min
     if feed is None or not np.all(feed > 0):
         return 0.0
     found = _of_feeds(touches, feed) or _of_starts(touches, feed)
-    return found if PERIODS_MS[0] <= found <= PERIODS_MS[1] else 0.0
+    if not PERIODS_MS[0] <= found <= PERIODS_MS[1]:
+        return 0.0
+    digits = max(recognised(axis) for axis in coordinates_um(touches).places.T)
+    return found if found * float(feed.min()) / 60 > (1 - SAME_PERIOD) * digits else 0.0
 
 
 def other_period_ms(touches: Touches, stated_ms: float) -> float:
