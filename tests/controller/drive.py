@@ -82,7 +82,7 @@ class Bench:
             nonlocal before
             last, before = before, self.stat.joint_position
             time.sleep(0.01)
-            return last == before
+            return bool(last == before)
 
         self.wait(what, stand)
 
