@@ -42,8 +42,8 @@ RUNS = {
     "ballbar": 800,
     "hybrid ballbar": 800,
     "positioning": 1000,
-    "levels": 500,
-    "rotarytest": 500,
+    "levels": 1500,
+    "rotarytest": 1500,
     "axislog": 800,
 }
 BINS = 10
