@@ -204,6 +204,16 @@ def test_what_location_errors_do_not_refer_to_may_differ(what: str) -> None:
     assert one == pytest.approx(two, rel=1e-12)
 
 
+def test_a_geometry_without_a_point_of_an_axis_is_none(tmp_path: Path) -> None:
+    held = json.loads(tn.identify(touches(), SETUP).to_json())
+    assert held["geometry"]["senses"] == {"A": 1, "C": 1}
+    held["geometry"]["points_mm"] = {}
+    file = tmp_path / "estimate.json"
+    file.write_text(json.dumps(held))
+    with pytest.raises(tn.FileFormatError, match=r"points_mm: got axes none, expected A, C"):
+        tn.read_estimate(file)
+
+
 def test_points_of_a_head_count_from_its_pivot() -> None:
     """A set-up with another probe is that of the same head."""
 

@@ -122,6 +122,13 @@ def test_touches_of_two_passes_are_recorded_at_one_feed() -> None:
     assert len(tn.probing_program(one_feed, twice).cycle.steps) == len(one_feed)
 
 
+def test_places_of_an_axis_that_nothing_is_probed_along_are_no_digits() -> None:
+    data = written(touched(21, (60.0, 600.0)))
+    along = np.abs(data["dir_y"]) < 0.5
+    some = data[along].with_columns(y_mm=np.round(data[along]["y_mm"], 1))
+    assert servo_period_ms(some) == pytest.approx(1.0)
+
+
 @pytest.mark.parametrize("period", [0.25, 0.75])
 @pytest.mark.parametrize("seed", [3, 58, 914])
 def test_the_digits_of_a_file_are_no_clock(period: float, seed: int) -> None:

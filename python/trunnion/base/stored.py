@@ -193,6 +193,13 @@ def _is_plain(array: NDArray[Any]) -> bool:
     return finite or kind in "biuU"
 
 
+def _said(error: BaseException, kind: type | None) -> str:
+    """Say what is wrong with a field."""
+    from cattrs.v import format_exception
+
+    return str(error) if isinstance(error, TrunnionError) else format_exception(error, kind)
+
+
 def structured(values: Any, kind: type[C]) -> C:
     """Return plain values, as `plain` gives them, as a dataclass.
 
@@ -204,6 +211,9 @@ def structured(values: Any, kind: type[C]) -> C:
     try:
         return _converter().structure(values, kind)
     except Exception as error:  # cattrs raises groups of errors, one a field
+        from cattrs import transform_error
+
+        fields = transform_error(error, format_exception=_said)
         raise InputError(
-            f"{kind.__name__}: got values that do not fit its fields: {error}"
+            f"{kind.__name__}: got values that do not fit its fields: {'; '.join(fields)}"
         ) from error

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from trunnion.base.errors import DataError
+from trunnion.base.errors import DataError, InputError
 from trunnion.base.units import Floats
 from trunnion.data.frame import OF_THE_MACHINE
 from trunnion.data.touches import Touches
@@ -59,6 +59,15 @@ class Geometry:
     senses: dict[str, int]
     pivot_mm: float = 0.0
 
+    def __post_init__(self) -> None:
+        """Check that each axis has a direction, a point and a sense."""
+        for name in ("directions", "points_mm"):
+            if (letters := [*getattr(self, name)]) != [*self.senses]:
+                raise InputError(
+                    f"geometry.{name}: got axes {', '.join(letters) or 'none'}, expected "
+                    f"{', '.join(self.senses) or 'none'}, those of geometry.senses"
+                )
+
     UPRIGHT: ClassVar[dict[str, Triple]] = {
         "A": (1.0, 0.0, 0.0), "B": (0.0, 1.0, 0.0), "C": (0.0, 0.0, 1.0)
     }  # fmt: skip
@@ -74,7 +83,7 @@ class Geometry:
             chain=known.chain,
             directions={k: known.directions.get(k, cls.UPRIGHT[k]) for k in chain.letters},
             points_mm={k: known.points_mm.get(k, usual[k]) for k in chain.letters},
-            senses=dict(zip(chain.letters, chain.senses.tolist(), strict=True)),
+            senses={k: int(s) for k, s in zip(chain.letters, chain.senses, strict=True)},
             pivot_mm=pivot,
         )
 

@@ -64,7 +64,8 @@ def servo_period_ms(touches: Touches) -> float:
     found = _of_feeds(touches, feed) or _of_starts(touches, feed)
     if not PERIODS_MS[0] <= found <= PERIODS_MS[1]:
         return 0.0
-    digits = max(recognised(axis) for axis in coordinates_um(touches).places.T)
+    # Of an axis that no touch is made along, the places are those of the plan.
+    digits = min(recognised(axis) for axis in coordinates_um(touches).places.T)
     return found if found * float(feed.min()) / 60 > (1 - SAME_PERIOD) * digits else 0.0
 
 
