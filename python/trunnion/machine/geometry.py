@@ -59,6 +59,10 @@ class Geometry:
     senses: dict[str, int]
     pivot_mm: float = 0.0
 
+    UPRIGHT: ClassVar[dict[str, Triple]] = {
+        "A": (1.0, 0.0, 0.0), "B": (0.0, 1.0, 0.0), "C": (0.0, 0.0, 1.0)
+    }  # fmt: skip
+
     def __post_init__(self) -> None:
         """Check that each axis has a direction, a point and a sense."""
         for name in ("directions", "points_mm"):
@@ -67,10 +71,6 @@ class Geometry:
                     f"geometry.{name}: got axes {', '.join(letters) or 'none'}, expected "
                     f"{', '.join(self.senses) or 'none'}, those of geometry.senses"
                 )
-
-    UPRIGHT: ClassVar[dict[str, Triple]] = {
-        "A": (1.0, 0.0, 0.0), "B": (0.0, 1.0, 0.0), "C": (0.0, 0.0, 1.0)
-    }  # fmt: skip
 
     @classmethod
     def of(cls, setup: Setup) -> Geometry:

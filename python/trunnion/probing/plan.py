@@ -121,7 +121,8 @@ def plan(
     for feed in feeds_mm_min if not isinstance(feeds_mm_min, str) else ():
         if isinstance(feed, int | float) and not 0 < feed < float("inf"):
             raise InputError(f"feeds_mm_min: got {feed!r}, expected positive numbers")
-    check_feeds_recorded(_numbers("feeds_mm_min", feeds_mm_min, 1), setup)
+    feeds = _numbers("feeds_mm_min", feeds_mm_min, 1)
+    check_feeds_recorded(feeds, setup)
     sense = dict(zip(chain.letters, chain.senses.tolist(), strict=True))
     turn_sense, tilt_sense = (sense.get(x or "", 1.0) for x in (chain.turning, chain.tilting))
     names = [f"{(x or '').lower()}_deg" for x in (chain.turning, chain.tilting)]
@@ -132,7 +133,7 @@ def plan(
             turn_deg=_angles(names[0], turn, turn_sense),
             tilt_deg=_angles(names[1], tilt, tilt_sense),
             pairs_deg=[(t * tilt_sense, c * turn_sense) for t, c in positions_deg],
-            feeds_mm_min=_numbers("feeds_mm_min", feeds_mm_min, 1),
+            feeds_mm_min=feeds,
             both_senses=both_senses,
             repeats=_count(repeats),
             linear_um=setup.resolution.linear_um,
