@@ -284,6 +284,7 @@ def test_the_frame_of_a_log_for_its_next_run(plan: tn.Touches, tmp_path: Path) -
     for text, message in (
         (run(plan).replace("; G54", "; G5x"), "expected G54"),
         (run(plan).replace("length 100", "length long"), "length: got 'long', expected a number"),
+        (run(plan).replace("length 100", "length nan"), ":2:25: tool length: got 'nan', expected"),
         (run(plan).split("\n")[0] + "\n" + ONE, "does not say its work offset"),
         (ONE, "got no run of a probing program"),
     ):
@@ -293,6 +294,42 @@ def test_the_frame_of_a_log_for_its_next_run(plan: tn.Touches, tmp_path: Path) -
     path.write_text(run(plan).replace("length 100", "length 100 A 0 C 0 corrected") + ONE)
     with pytest.raises(tn.InputError, match="got runs with other kinematics"):
         tn.probing_program(plan, setup, start_at=2, continues=path)
+
+
+@pytest.mark.parametrize(
+    ("state", "says"),
+    [
+        ("G54 nan 0 0 tool length 100", ":2:7: work offset x: got 'nan', expected a number"),
+        ("G54 0 0 0 tool length inf", ":2:25: tool length: got 'inf', expected a number"),
+        ("G54 0 0 0 tool length 100 A nan", ":2:31: work offset a: got 'nan', expected a number"),
+        ("G60 0 0 0 tool length 100", "work offset wcs: got 'G60', expected G54, G55"),
+        ("G5x 0 0 0 tool length 100", ":2:3: work offset wcs: got 'G5x', expected G54, G55"),
+        ("G54 0 0 0 tool length 100 A 0 on", "kinematics: got 'on', expected machine, corrected"),
+    ],
+)
+def test_a_frame_that_is_none_is_refused_where_it_stands(
+    state: str, says: str, plan: tn.Touches, tmp_path: Path
+) -> None:
+    """It was read as if the control had said nothing, and any word of kinematics as corrections."""
+    path = tmp_path / "touches.log"
+    path.write_text(run(plan).replace("G54 0 0 0 tool length 100", state) + ONE + TWO)
+    if "G60" in state:  # another comment
+        assert tn.read_probe_log(path, plan).control_frame is None
+        return
+    with pytest.raises(tn.FileFormatError, match=says):
+        tn.read_probe_log(path, plan)
+
+
+def test_all_that_differs_between_two_runs_is_said_at_once(
+    plan: tn.Touches, tmp_path: Path
+) -> None:
+    path = tmp_path / "touches.log"
+    state = "G54 0 0 0 tool length 100"
+    second = run(plan, 2).replace(state, "G54 0 0.5 0 tool length 101")
+    path.write_text(run(plan) + ONE + second + TWO)
+    says = "work offset y: got 0.5, expected 0; tool length: got 101, expected 100 as in line 2"
+    with pytest.raises(tn.FileFormatError, match=says):
+        tn.read_probe_log(path, plan)
 
 
 def test_touches_that_no_run_measures_are_said(
@@ -428,7 +465,7 @@ def test_one_plan_with_and_without_tool_centre_point_control(tmp_path: Path) -> 
         ("G54 210.5 148.2 -301 tool length 100 A 0.0 C 0.0 machine", ()),
         ("G54 210.9 148.2 -301 tool length 100", ("Line 2 of touches.log: G54 was at 210.9, 148.2, -301, 0.4 mm from control.centre_mm = [210.5, 148.2, -301]", "state centre_mm = [210.9, 148.2, -301] before a compensation")),
         ("G55 210.5 148.2 -301 tool length 100 A 0.137 C 0.0 machine", ("Line 2 of touches.log: G55 shifts A by 0.137 deg", "measure again")),
-        ("G54 210.5 148.2 -301 tool length 100 A 0.0 C 0.0 corrected", ("Line 2 of touches.log: measured with the control's corrections on", "measure without them")),
+        ("G54 210.5 148.2 -301 tool length 100 A 0.0 C 0.0 corrected", ("Line 2 of touches.log: measured with the control's corrections on: right for what they leave (trunnion verify", "for one, measure without them")),
     ],
 )  # fmt: skip
 def test_what_a_compensation_must_know_of_the_work_offset_is_said(

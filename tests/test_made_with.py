@@ -326,6 +326,43 @@ def test_what_is_left_is_no_compensation() -> None:
     assert tn.simulate(in_frame(control_corrected=1), SETUP, left).control_frame is None
 
 
+@pytest.mark.parametrize("made", [name for name in MADE if name not in ("R-test", "casadi")])
+def test_errors_that_corrections_leave_are_said_to_be_that(
+    made: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    says = "control_corrected is 1: these touches were made with the control's corrections on."
+    for on in (0, 1):
+        given = in_frame(control_corrected=on)
+        monkeypatch.setitem(globals(), "touches", lambda given=given: given)
+        found = tn.diagnose(given, SETUP) if made == "diagnosis" else MADE[made]()
+        assert any(note.startswith(says) for note in found.notes) is bool(on)
+        assert (says in found.summary().replace("\n", " ")) is bool(on)
+
+
+def test_all_that_keeps_an_estimate_from_being_compensated_is_said_at_once() -> None:
+    estimate = tn.identify(in_frame(wcs_x_mm=210.9, wcs_a_deg=0.2, control_corrected=1), SETUP)
+    with pytest.raises(tn.DataError, match=r"centre_mm.* Also: .*shifts A .* Also: .*corrections"):
+        MachineErrors.to_compensate(SETUP, estimate)
+
+
+@pytest.mark.parametrize(
+    ("frame", "says"),
+    [
+        ([], r"got \[\], expected the fields of ControlFrame @ \$.control_frame"),
+        ("", "got '', expected the fields of ControlFrame"),
+        ({"corrected": "no"}, r"got 'no', expected true or false @ \$.control_frame.corrected"),
+        ({"corrected": 0}, r"got 0, expected true or false @ \$.control_frame.corrected"),
+    ],
+)
+def test_a_stored_frame_that_is_none_is_refused(frame: object, says: str, tmp_path: Path) -> None:
+    """The empty list was read as a frame that says nothing, and "no" as true."""
+    path = tmp_path / "stored.json"
+    path.write_text(json.dumps({"errors": ERRORS, "control_frame": frame}))
+    with pytest.raises(tn.FileFormatError, match=says) as error:
+        tn.read_estimate(path)
+    assert str(path) in str(error.value)
+
+
 def test_the_frame_comes_from_the_log_and_stays_in_the_file(tmp_path: Path) -> None:
     from trunnion.data.linuxcnc_log import probe_log_of
 

@@ -1,6 +1,7 @@
 """A ball on the table before and after corrections: machine and touches of the test's own."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -109,6 +110,37 @@ def test_the_command_prints_it_and_refuses_what_is_no_pair(tmp_path: Path) -> No
         tn.verify_ball(half, tn.Setup(tn.Artefact("cross")))
     with pytest.raises(tn.DataError, match="at 1 postures, expected two"):
         tn.verify_ball(half[:5], SETUP)
+
+
+def framed(touches: tn.Touches, **columns: float) -> tn.Touches:
+    """Touches that say the frame of the control: without corrections unless said."""
+    frame = {"wcs_x_mm": 210.5, "wcs_y_mm": 148.2, "wcs_z_mm": -301.0, "wcs_a_deg": 0.0}
+    frame |= {"control_corrected": 0} | columns
+    return touches.with_columns(**{k: np.full(len(touches), v) for k, v in frame.items()})
+
+
+def test_what_the_control_did_is_refused_or_said() -> None:
+    """Of after, of both, and of the estimate; nothing is said of a pair that is as it should be."""
+    before, on = shown_by_control(TABLE_2, {}), {"control_corrected": 1.0}
+    after = shown_by_control(TABLE_2, TABLE_2)
+    assert tn.verify_ball(framed(after, **on), SETUP, before=framed(before)).notes == ()
+    (off,) = tn.verify_ball(framed(after), SETUP, before=framed(before)).notes
+    assert off.startswith("control_corrected is 0 after: ")
+    (moved,) = tn.verify_ball(
+        framed(after, wcs_x_mm=211.0, **on), SETUP, before=framed(before)
+    ).notes
+    assert moved.startswith("wcs_x_mm was 210.5 before and is 211 after")
+    with pytest.raises(tn.DataError, match=r"^wcs_a_deg: got 0.5 after, expected 0 as before"):
+        tn.verify_ball(framed(after, wcs_a_deg=0.5, **on), SETUP, before=framed(before))
+    names = tuple(TABLE_2)
+    left = tn.Estimate(
+        errors=TABLE_2, names=names, covariance=np.eye(len(names)),
+        control_frame=framed(after, **on).control_frame,
+    )  # fmt: skip
+    with pytest.raises(tn.DataError, match=r"^estimate: expected the one that .* corrections on"):
+        tn.verify_ball(framed(after, **on), SETUP, estimate=left, draws=100)
+    plain = replace(left, control_frame=framed(before).control_frame)
+    assert tn.verify_ball(framed(after, **on), SETUP, estimate=plain, draws=100).forecast_um
 
 
 def test_a_program_with_tcp_needs_its_lines() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from functools import cache
@@ -92,6 +92,7 @@ def fitting(what: str) -> Iterator[None]:
 def _converter() -> Converter:
     """Return what turns results into plain values and back, "inf" and "nan" as text."""
     from cattrs import Converter
+    from cattrs.gen import make_dict_structure_fn
 
     converter = Converter()
     converter.register_unstructure_hook(float, plain)
@@ -99,6 +100,12 @@ def _converter() -> Converter:
         lambda kind: isinstance(kind, type) and issubclass(kind, np.ndarray | np.generic), plain
     )
     converter.register_structure_hook(float, lambda value, _: _stored_number(value))
+    converter.register_structure_hook(bool, lambda value, _: _stored_switch(value))
+    # A field that has defaults for all would be read from an empty list as they are.
+    converter.register_structure_hook_factory(
+        lambda kind: isinstance(kind, type) and is_dataclass(kind),
+        lambda kind: _from_table(make_dict_structure_fn(kind, converter)),
+    )
     converter.register_structure_hook_func(
         lambda kind: getattr(kind, "__origin__", kind) is np.ndarray, _array
     )
@@ -155,6 +162,24 @@ def _stored_number(value: Any) -> float:
     if number != number:
         raise InputError("got nan, expected a number")
     return number
+
+
+def _stored_switch(value: Any) -> bool:
+    """Return true or false; 0, 1 and words are none."""
+    if not isinstance(value, bool):
+        raise InputError(f"got {value!r:.60}, expected true or false")
+    return value
+
+
+def _from_table(made: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """Return what makes a dataclass of a table of its fields, and refuses all else."""
+
+    def structure(value: Any, kind: Any) -> Any:
+        if not isinstance(value, Mapping):
+            raise InputError(f"got {value!r:.60}, expected the fields of {kind.__name__}")
+        return made(value, kind)
+
+    return structure
 
 
 def plain(value: Any) -> Any:

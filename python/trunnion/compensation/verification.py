@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,7 @@ from trunnion.base.units import Floats, Integers
 from trunnion.compensation.control import ModelCompensation
 from trunnion.compensation.machine import MachineErrors
 from trunnion.compensation.uncertainty import draw_changes, freedom_of, taking_part
+from trunnion.data.frame import COLUMNS
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
 from trunnion.machine.estimate import Estimate
@@ -47,6 +48,8 @@ class BallVerification(Result):
         Interval (95 %) of the largest distance that touches alone would leave.
     forecast_um
         The same for touches and the uncertainty of the estimate; None without an estimate.
+    notes
+        Sentences on what the control did while it measured.
     """
 
     rotary_deg: Mapping[str, Floats]
@@ -55,6 +58,7 @@ class BallVerification(Result):
     sigma_um: float
     touches_um: tuple[float, float]
     forecast_um: tuple[float, float] | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def max_after_um(self) -> float:
@@ -100,7 +104,7 @@ class BallVerification(Result):
                     "the place of the table that of the set-up, are there effects that the "
                     "estimate does not have (trunnion diagnose)?"
                 )
-        return lines
+        return (*lines, *self.notes)
 
     def tables(self) -> tuple[Table, ...]:
         """Every posture."""
@@ -145,7 +149,8 @@ def verify_ball(
     before
         The same plan measured without the corrections.
     estimate
-        What the corrections were made from: gives the forecast.
+        What the corrections were made from: gives the forecast. One that no compensation is made
+        of is refused as a compensation refuses it.
     draws, seed
         Of the intervals.
 
@@ -162,7 +167,8 @@ def verify_ball(
         An artefact that is no sphere; an estimate without covariance.
     DataError
         One posture only; a posture whose touches do not give the centre; `before` at other
-        postures than `after`.
+        postures than `after`, or with another shift of a rotary axis by the work offset; an
+        estimate of what corrections leave.
 
     Examples
     --------
@@ -184,7 +190,7 @@ def verify_ball(
     found = _places(after, stops, setup, "after")
     earlier = None
     if before is not None:
-        _check_not_swapped(before, after)
+        _check_frames(before, after)
         there = stops_of(before)
         theirs = _postures(before, np.unique(there, return_index=True)[1])
         if not np.array_equal(theirs, _postures(after, first)):
@@ -208,6 +214,7 @@ def verify_ball(
         sigma_um=found.sigma_um,
         touches_um=_interval(noise),
         forecast_um=forecast,
+        notes=tuple(_of_frames(before, after)),
     )
 
 
@@ -277,7 +284,12 @@ def _left(
     """Deviations by errors of the estimate alone, µm, (draws, n, 3)."""
     if not estimate.names:
         raise InputError("estimate: got one without covariance, expected it for the forecast")
-    known = MachineErrors.of(setup, estimate)
+    try:
+        known = MachineErrors.to_compensate(setup, estimate)
+    except DataError as error:
+        raise DataError(
+            f"estimate: expected the one that the corrections were made from, got {error}"
+        ) from None
     index, numbers = taking_part(setup, known, estimate.names)
     covariance = estimate.covariance[np.ix_(index, index)]
     assumed, zeros = ModelCompensation(known).control_model(setup)
@@ -288,13 +300,44 @@ def _left(
     return np.concatenate([np.einsum("dp,kpi->dki", block, by) for block in blocks])
 
 
-def _check_not_swapped(before: Touches, after: Touches) -> None:
-    """Refuse touches without corrections after those with them, as the frames of both say."""
+def _check_frames(before: Touches, after: Touches) -> None:
+    """Refuse touches without corrections after those with them, and rotary axes shifted between."""
     one, other = before.control_frame, after.control_frame
-    if one is not None and other is not None and one.corrected and other.corrected is False:
+    if one is None or other is None:
+        return
+    if one.corrected and other.corrected is False:
         raise DataError(
             "control_corrected: got touches before with the control's corrections on and those "
             "after without, expected the other way round: were the two files swapped?"
+        )
+    shifted = one.differs(other, [name for name in COLUMNS if name.endswith("_deg")])
+    if shifted is not None:
+        name, was, found = shifted
+        raise DataError(
+            f"{name}: got {found:g} after, expected {was:g} as before: the work offset shifts the "
+            "axis otherwise, so that it stood elsewhere at the same positions and the ball moved "
+            "by more than the corrections moved it. Measure both with one work offset"
+        )
+
+
+def _of_frames(before: Touches | None, after: Touches) -> Iterator[str]:
+    """Say where the control measured otherwise than a verification takes it to have."""
+    frame = after.control_frame
+    if frame is None:
+        return
+    if frame.corrected is False:
+        yield (
+            "control_corrected is 0 after: the touches were made without the control's "
+            "corrections (trunnion program without --tcp and --corrected), so that only what acts "
+            "without them (COMP_FILE, HOME_OFFSET, the work offset) is verified."
+        )
+    earlier = None if before is None else before.control_frame
+    moved = None if earlier is None else earlier.differs(frame, [f"wcs_{x}_mm" for x in "xyz"])
+    if moved is not None:
+        name, was, found = moved
+        yield (
+            f"{name} was {was:.10g} before and is {found:.10g} after: what another place of the "
+            "work offset does is in the difference, beside what the corrections do."
         )
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -22,8 +22,10 @@ ROTARY = ("a", "b", "c")
 SAME_FRAME_MM = 1e-4  # far less than a touch repeats to
 SAME_PLACE_MM = 1e-3
 SAME_ANGLE_DEG = 1e-3
-UNCORRECTED = "machine"
-"""What the log calls kinematics without corrections."""
+Frame: TypeAlias = Literal["machine", "corrected", "table"]
+"""What X Y Z of approaches are: the linear axes', these with corrections, the table's (TCP)."""
+MODES: tuple[Frame, ...] = ("machine", "corrected", "table")
+"""Frames as a log calls them, by the number that a program's parameters hold."""
 COLUMNS = (
     *(f"wcs_{axis}_mm" for axis in AXES), *(f"wcs_{axis}_deg" for axis in ROTARY),
     "tool_length_mm", "control_corrected",
@@ -71,7 +73,7 @@ class ControlFrame:
             place_mm=(place[0], place[1], place[2]) if len(place) == len(AXES) else None,
             turned_deg={axis.upper(): known[axis] for axis in ROTARY if axis in known},
             tool_length_mm=known.get("length"),
-            corrected=words["mode"] != UNCORRECTED if "mode" in words else None,
+            corrected=words["mode"] != MODES[0] if "mode" in words else None,
         )
 
     @classmethod
@@ -133,8 +135,10 @@ class ControlFrame:
                 )
         if self.corrected:
             yield (
-                "measured with the control's corrections on. What is identified is what "
-                "they leave; a compensation by it would take their place: measure without them."
+                "measured with the control's corrections on: right for what they leave (trunnion "
+                "verify, trunnion compare). A compensation by what is identified would take their "
+                "place: for one, measure without them (trunnion program without --corrected and "
+                "--tcp)."
             )
 
     def refuse_to_compensate(self, setup: Setup) -> None:
@@ -147,7 +151,8 @@ class ControlFrame:
             `control.centre_mm`.
         """
         stated = f"control.centre_mm{f' of {setup.source}' if setup.source else ''}"
-        for said in self.hindrances(setup.control.centre_mm, stated_as=stated):
+        if found := list(self.hindrances(setup.control.centre_mm, stated_as=stated)):
+            said = " Also: ".join(found)
             raise DataError(f"errors of a frame that does not fit the set-up: {said[:-1]}")
 
     def beside(self, other: ControlFrame) -> ControlFrame:
@@ -174,3 +179,15 @@ class ControlFrame:
             if name in mine and name in theirs and abs(mine[name] - theirs[name]) > SAME_FRAME_MM:
                 return name, mine[name], theirs[name]
         return None
+
+
+def frame_notes(data: Any) -> tuple[str, ...]:
+    """Say what corrections of the control make of what is identified; most data say none."""
+    frame = getattr(data, "control_frame", None)
+    if frame is None or not frame.corrected:
+        return ()
+    return (
+        "control_corrected is 1: these touches were made with the control's corrections on. Errors "
+        "are what the corrections leave, not those of the machine: right to verify a compensation, "
+        "nothing to make one of.",
+    )

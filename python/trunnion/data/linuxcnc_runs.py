@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from trunnion.base.errors import FileFormatError
-from trunnion.data.frame import SAME_FRAME_MM, ControlFrame
+from trunnion.data.frame import MODES, SAME_FRAME_MM, ControlFrame
 from trunnion.files.columns import parse_number
+from trunnion.setup.control import WORK_OFFSETS
 
 NUMBERED = ("touch", "feed", *"XYZABC")
 COUNTS = {8: "eight", 9: "nine"}
@@ -33,6 +34,8 @@ STATE_LINE = (
 """What a run says of the control behind its first line; earlier ones ended with the tool length."""
 CALLED = {"length": "tool length", "mode": "kinematics"}
 """What people call parts of a frame that are none of the work offset."""
+WORDS: dict[str, tuple[str, ...]] = {"wcs": WORK_OFFSETS, "mode": MODES}
+"""Parts of a frame that are no numbers, with what they may be."""
 MAX_OTHERS = 5
 """Other plans that a message names; of more it says how many."""
 
@@ -195,12 +198,23 @@ class Log:
 
     def frame(self, run: Run) -> dict[str, str]:
         """Return the frame of a run, as the line behind its first says; empty where none does."""
-        found = re.fullmatch(STATE_LINE, self.lines[self._frame_line(run)])
+        line = self._frame_line(run)
+        found = re.fullmatch(STATE_LINE, self.lines[line])
         if found is None:
             return {}
         frame = {name: value for name, value in found.groupdict().items() if value is not None}
         rotary = frame.pop("rotary").split()
-        return frame | {x.lower(): at for x, at in zip(rotary[::2], rotary[1::2], strict=True)}
+        frame |= {x.lower(): at for x, at in zip(rotary[::2], rotary[1::2], strict=True)}
+        for part, word in frame.items():
+            number = parse_number(word)
+            fits = number is not None and np.isfinite(number)
+            expected = "a number"
+            if part in WORDS:
+                fits, expected = word in WORDS[part], ", ".join(WORDS[part])
+            if not fits:
+                at = self.lines[line].split().index(word)
+                raise self.error(line, at, f"{_called(part)}: got {word!r}, expected {expected}")
+        return frame
 
     def said_of_frame(self, run: Run, centre_mm: Sequence[float] | None) -> tuple[str, ...]:
         """Say what keeps what is identified in the frame of a run from being compensated."""
@@ -219,17 +233,25 @@ class Log:
             if first is None:
                 first = (run, frame) if frame else None
                 continue
-            for name in [name for name in frame if name in first[1]]:
-                if not _alike(frame[name], first[1][name]):
-                    raise self.error(
-                        self._frame_line(run),
-                        0,
-                        f"{CALLED.get(name, f'work offset {name}')}: got {frame[name]}, expected "
-                        f"{first[1][name]} as in line {self._frame_line(first[0]) + 1}: the "
-                        "control was changed between two runs of one measurement, whose touches "
-                        "lie in two frames. Measure again from touch 1 with one work offset and "
-                        "tool length, or read a copy of the log without one of the runs",
-                    )
+            apart = "; ".join(
+                f"{_called(name)}: got {frame[name]}, expected {was}"
+                for name, was in first[1].items()
+                if name in frame and not _alike(frame[name], was)
+            )
+            if apart:
+                raise self.error(
+                    self._frame_line(run),
+                    0,
+                    f"{apart} as in line {self._frame_line(first[0]) + 1}: the control was "
+                    "changed between two runs of one measurement, whose touches lie in two "
+                    "frames. Measure again from touch 1 with one work offset and tool length, or "
+                    "read a copy of the log without one of the runs",
+                )
+
+
+def _called(part: str) -> str:
+    """Return what people call a part of a frame."""
+    return CALLED.get(part, f"work offset {part}")
 
 
 def _alike(one: str, other: str) -> bool:

@@ -18,7 +18,7 @@ from trunnion.base.arguments import checked, name_place
 from trunnion.base.checks import choose, nearest
 from trunnion.base.errors import DataError, InputError, TrunnionError
 from trunnion.data.distinct import distinct_rows, given_again
-from trunnion.data.frame import OF_THE_MACHINE
+from trunnion.data.frame import OF_THE_MACHINE, frame_notes
 from trunnion.data.times import time_notes
 from trunnion.data.touches import Touches
 from trunnion.diagnosis.effect import EffectLike
@@ -343,7 +343,8 @@ def _alone(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Diagno
     found = replace(found, data=data, setup=setup, candidates=tuple(effects))
     mistakes = mistake_notes(found, model, used, setup, _built)
     own = (note for note in mistakes if note not in found.notes)
-    found = replace(found, mistakes=mistakes, notes=(*own, *time_notes(data), *found.notes))
+    notes = (*own, *frame_notes(data), *time_notes(data), *found.notes)
+    found = replace(found, mistakes=mistakes, notes=notes)
     if isinstance(setup, Setup) and setup.machine.tolerance:
         tolerance = setup.machine.tolerance
         contributions = tuple(c.with_tolerance(tolerance) for c in found.contributions)

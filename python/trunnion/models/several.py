@@ -10,6 +10,7 @@ import numpy as np
 
 from trunnion.base.resolution import Floor, Grid, Known
 from trunnion.base.units import Floats, Integers
+from trunnion.data.frame import frame_notes
 from trunnion.data.mistaken import size_notes
 from trunnion.data.times import time_notes
 from trunnion.diagnosis.left import Left
@@ -174,7 +175,8 @@ def joined(
     ]
     notes = []
     for part, one in zip(model.parts, measured, strict=True):
-        said = (*one.notes, *size_notes(one.data), *time_notes(one.data))
+        of_data = (*size_notes(one.data), *frame_notes(one.data), *time_notes(one.data))
+        said = (*one.notes, *of_data)
         notes += [f"{part.name}: {n}" for n in said]
         if one.alone.unexplained is not None:
             notes.append(f"{part.name} alone: {one.alone.unexplained}.")

@@ -10,12 +10,12 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal, TypeAlias
 
 import numpy as np
 
 from trunnion.base.errors import DataError
 from trunnion.base.units import Floats
+from trunnion.data.frame import Frame
 from trunnion.data.linuxcnc_runs import spans
 from trunnion.setup import Setup
 
@@ -28,10 +28,6 @@ CHECK_DEG, CHECK_MM = 5.0, 10.0
 MAX_LOOKS = 3
 ALONG, ACROSS = 0.99, 0.5
 """Cosines of directions that are one, and of such that are across each other."""
-Frame: TypeAlias = Literal["machine", "corrected", "table"]
-"""What X Y Z of the approaches are: the linear axes', these with corrections, the table's (TCP)."""
-MODES: tuple[Frame, ...] = ("machine", "corrected", "table")
-"""Frames by the number that a program's parameters hold."""
 Move = tuple[int, dict[str, float], float]
 """Code (0 rapid, 1 down to a start, 38 approach), positions by axis, feed."""
 

@@ -11,6 +11,7 @@ import numpy as np
 from trunnion.base.arguments import renumber
 from trunnion.base.errors import TrunnionError
 from trunnion.data.distinct import distinct_rows
+from trunnion.data.frame import frame_notes
 from trunnion.data.touches import Touches
 from trunnion.probing.mistakes import likely_mistakes, mistakes_named
 from trunnion.probing.model import TouchModel, with_recognised_step
@@ -55,4 +56,4 @@ def _with_notes(data: Touches, setup: Setup, solve: Callable[[Touches, Setup], R
             result = replace(result, notes=(*result.notes, said))
     model = TouchModel(setup)
     mistakes = likely_mistakes(result, data, model, model.moves(data))
-    return replace(result, notes=(*mistakes, *result.notes))
+    return replace(result, notes=(*frame_notes(data), *mistakes, *result.notes))

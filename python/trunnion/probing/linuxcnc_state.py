@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from trunnion.data.frame import SAME_FRAME_MM
-from trunnion.probing.cycle import MODES, Cycle
+from trunnion.data.frame import MODES, SAME_FRAME_MM
+from trunnion.probing.cycle import Cycle
 from trunnion.probing.linuxcnc_lines import n, stop_if
 from trunnion.setup.control import WORK_OFFSETS
 

@@ -19,12 +19,12 @@ import numpy as np
 from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError, FileFormatError, InputError
 from trunnion.base.units import Floats
-from trunnion.data.frame import ControlFrame
+from trunnion.data.frame import ControlFrame, Frame
 from trunnion.data.linuxcnc_log import logged_frame, logged_touches, plan_hash
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
 from trunnion.nc import Program
-from trunnion.probing.cycle import Cycle, Frame
+from trunnion.probing.cycle import Cycle
 from trunnion.probing.linuxcnc import program_text
 from trunnion.probing.linuxcnc_state import ROUNDED_DEG
 from trunnion.probing.notes import check_feeds
