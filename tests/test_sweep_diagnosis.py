@@ -45,6 +45,44 @@ FULL = np.arange(0.0, 360.0, 10.0)
 THREE = [(100.0, 0.3, 0.0), (150.0, 2.0, 60.0), (80.0, 4.0, -40.0)]
 
 
+def turned_twice(axis: tuple[float, float, float], noise_um: float, seed: int) -> tn.Sweep:
+    """Targets whose axis moves by 3 µm along the instrument's axes, twice a turn."""
+    data = sweep(FULL, THREE, axis=axis, noise_um=0.0)
+    t = 2 * np.radians(np.asarray(data.angle_deg))
+    rng = np.random.default_rng(seed)
+    along = 3.0 * np.column_stack([np.cos(t), np.sin(t), 0.5 * np.cos(t)])
+    p = data.position_mm + 1e-3 * (along + noise_um * rng.normal(size=along.shape))
+    return data.with_columns(x_mm=p[:, 0], y_mm=p[:, 1], z_mm=p[:, 2])
+
+
+@pytest.mark.parametrize(
+    ("axis", "x", "y"),
+    [
+        ((0.0, 0.0, 1.0), (3.0, 0.0), (0.0, 3.0)),
+        ((0.0, 0.0, -1.0), (3.0, 0.0), (0.0, -3.0)),
+        ((1e-3, 1.0, 0.0), (3.0, 0.0), (-1.5, 0.0)),
+        ((1.0, 0.0, 0.0), (0.0, 3.0), (1.5, 0.0)),
+    ],
+)
+def test_error_motions_are_along_the_instruments_axes(
+    axis: tuple[float, float, float], x: tuple[float, float], y: tuple[float, float]
+) -> None:
+    """However the readings scatter: the directions were those in which these were longest."""
+    for seed in range(3):
+        d = tn.diagnose(turned_twice(axis, 0.3, seed))
+        cause = next(c for c in d.causes if c.id == "radial_2")
+        found = [cause[f"{name}_um"] for name in ("ax", "bx", "ay", "by")]
+        assert found == pytest.approx([*x, *y], abs=0.2)
+
+
+def test_a_sweep_that_is_made_again_shows_no_change() -> None:
+    axis = (0.1, 0.2, -1.0)
+    for seed in range(12):
+        dates = [turned_twice(axis, 0.5, 2 * seed + date) for date in range(2)]
+        d = tn.diagnose(dates)
+        assert not any("change" in cause for cause in d.named), d.named
+
+
 @pytest.mark.parametrize("axis", [(0.2, -0.3, 1.0), (0.1, 0.2, -1.0), (1.0, 0.1, 0.3)])
 def test_axis_and_radii_are_found_with_the_sense_of_rotation(
     axis: tuple[float, float, float],

@@ -20,12 +20,26 @@ MIN_POSITIONS = 3
 MIN_CIRCLE_POSITIONS = 4
 
 
+def directions(axis: Floats) -> Floats:
+    """Return the directions of an axis' frame, (3, 3), one a column; the third is the ``axis``.
+
+    The first is the instrument's X, or its Y where the axis is within 45° of X, as far as it is
+    square to the axis. So two sweeps by an instrument that stands alike have one frame, however
+    they scatter.
+    """
+    towards = np.eye(3)[int(abs(axis[0]) > np.sqrt(0.5))]
+    x = towards - (towards @ axis) * axis
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(axis, x), axis], axis=1)
+
+
 @dataclass(frozen=True)
 class Geometry:
     """Axis average line and targets by plain circles.
 
-    ``frame``: (3, 3), directions of the axis' frame, one a column; ``origin``: a point of the
-    axis, mm; ``targets``: (k, 3), each at position 0 in that frame.
+    ``frame``: (3, 3), directions of the axis' frame in the instrument's, one a column (`directions`
+    of the axis); ``origin``: a point of the axis, mm; ``targets``: (k, 3), each at position 0 in
+    that frame.
     """
 
     origin: Floats
@@ -49,12 +63,11 @@ class Geometry:
         _, size, vt = np.linalg.svd(centred, full_matrices=len(centred) < 3)
         if size[0] == 0.0:
             raise DataError("sweep: got targets that do not move, expected targets that turn")
-        frame = np.stack([vt[0], vt[1], np.cross(vt[0], vt[1])], axis=1)
         start = p.mean(axis=0)
         # the sense in which the targets go round is the one whose circles fit
         fits = []
         for sense in (1.0, -1.0):
-            turned = frame * np.array([1.0, sense, sense])
+            turned = directions(sense * vt[2])
             fits.append((turned, *cls._circles((p - start) @ turned, turn, target, count)))
         frame, x, _ = min(fits, key=lambda fit: fit[2])
         q = (p - start) @ frame

@@ -368,7 +368,9 @@ class ExtendedSweep(Estimate):
         A point of the axis average line, at the middle height of the targets, and its direction,
         in the instrument's frame; a positive position turns right-handed about it.
     frame
-        Directions X, Y, Z of the error motions in the instrument's frame, one a column.
+        Directions X, Y, Z of the error motions in the instrument's frame, one a column: Z is the
+        axis, X the instrument's X (its Y where the axis is within 45° of X) as far as it is square
+        to Z.
     radius_mm, height_mm
         Of each target.
 
