@@ -279,7 +279,7 @@ def test_the_frame_of_a_log_for_its_next_run(plan: tn.Touches, tmp_path: Path) -
         "frame_c> - #<was_c>"
         not in tn.probing_program(plan, setup, start_at=2, continues=path).text()
     )
-    with pytest.raises(tn.InputError, match="continues: got it from touch 1"):
+    with pytest.raises(tn.InputError, match="continues: got it with start_at = 1"):
         tn.probing_program(plan, setup, continues=path)
     for text, message in (
         (run(plan).replace("; G54", "; G5x"), "expected G54"),

@@ -145,7 +145,7 @@ OTHERS = [
 ]
 """Further ones of single commands."""
 
-ENDINGS = (".json", ".csv", ".html", ".ngc", ".png", ".nc", ".comp", ".log")
+ENDINGS = (".json", ".csv", ".html", ".ngc", ".png", ".netcdf", ".nc", ".comp", ".log")
 
 
 def writers(command: Any, words: tuple[str, ...] = ()) -> Iterator[tuple[str, str]]:
@@ -296,3 +296,55 @@ def test_a_page_that_exists_is_refused_before_the_work(
     assert done.exit_code == 2
     assert "give --force" in done.stderr
     assert page.read_text() == "kept"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["plan", "{setup}", "-o"],
+        ["simulate", "{setup}", "-o"],
+        ["estimate", "{touches}", "{setup}", "-o"],
+        ["diagnose", "{touches}", "{setup}", "--next", "2", "-o"],
+        ["read", "{touches}", "-o"],
+    ],
+)
+@pytest.mark.parametrize("ending", ["nc", "NC", "tap"])
+def test_no_data_are_written_under_the_ending_of_a_program(
+    words: list[str], ending: str, tmp_path: Path
+) -> None:
+    """The plan was netCDF in probe.nc, and further touches were CSV in it."""
+    known = {"setup": CROSS / "setup.toml", "touches": CROSS / "touches.csv"}
+    target = tmp_path / f"probe.{ending}"
+    done = RUN(app, [*(word.format(**known) for word in words), str(target)])
+    assert done.exit_code == 2
+    assert "program" in done.stderr
+    assert not target.exists()
+
+
+@pytest.mark.parametrize("force", [(), ("--force",)])
+def test_a_folder_is_no_file(force: tuple[str, ...], tmp_path: Path) -> None:
+    """It "exists already; give --force", and with --force it "is a directory"."""
+    command_lines(tmp_path)
+    words = ["program", tmp_path / "plan.csv", CROSS / "setup.toml", "-o", tmp_path, *force]
+    done = RUN(app, [*map(str, words)])
+    assert done.exit_code == 2
+    assert f"{tmp_path}: got a folder, expected the name of a file" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--continues", "a.log"], "--continues a.log: got it without --from"),
+        (["--tcp", "--corrected"], "--tcp: got it with --corrected, expected one"),
+        (["--log", "~/a.log"], "--log: got '~/a.log'"),
+    ],
+)
+def test_a_message_about_an_option_speaks_of_it_as_it_is_typed(
+    words: list[str], says: str, tmp_path: Path
+) -> None:
+    command_lines(tmp_path)
+    files = [str(tmp_path / "plan.csv"), str(CROSS / "setup.toml")]
+    done = RUN(app, ["program", *files, *words])
+    assert done.exit_code == 2
+    assert says in done.stderr
+    assert "start_at" not in done.stderr

@@ -20,8 +20,9 @@ from trunnion.base.input import path_of
 LOG = logging.getLogger("trunnion.files")
 
 
+PROGRAM = "an NC program"
 WRITTEN = {
-    "an NC program": (".ngc", ".nc", ".tap", ".mpf", ".spf"),
+    PROGRAM: (".ngc", ".nc", ".tap", ".mpf", ".spf"),
     "a page (HTML)": (".html", ".htm"),
     "a log of touches": (".log",),
     "a table of corrections": (".comp", ".tbl"),
@@ -36,7 +37,7 @@ OTHERS = {
     **dict.fromkeys((".png", ".svg"), "a picture"),
     **dict.fromkeys((".pdf", ".docx"), "a document"),
     **{ending: what for what, endings in WRITTEN.items() for ending in endings},
-    ".nc": "an NC program or netCDF",
+    ".netcdf": "netCDF",
 }
 """What is in files of an ending: a file of another kind is not written there."""
 
@@ -60,14 +61,18 @@ def check_ending(path: Path, what: str) -> None:
 
 
 def check_new(path: Path, *, overwrite: bool) -> None:
-    """Refuse a path where a file stands already.
+    """Refuse a path where a file stands already, and a folder in any case.
 
     Raises
     ------
     InputError
-        There is a file, and `overwrite` is false.
+        There is a file, and `overwrite` is false; or a folder.
     """
-    there = path.is_file() or path.is_dir() or path.is_symlink()  # no pipe, no device
+    if path.is_dir():
+        raise InputError(
+            f"{path}: got a folder, expected the name of a file (did you mean {path / 'NAME'}?)"
+        )
+    there = path.is_file() or path.is_symlink()  # no pipe, no device
     if there and not overwrite:
         raise InputError(f"{path}: the file exists already; give --force to overwrite it")
 

@@ -12,6 +12,7 @@ import typer
 
 import trunnion as tn
 from trunnion.base.input import listed_numbers
+from trunnion.base.output import PROGRAM, WRITTEN
 from trunnion.cli.command import (
     LOG,
     Answer,
@@ -110,6 +111,11 @@ def plan(
     """Plan the touches of a measurement; the paper's 72 unless angles or --for are given."""
     from trunnion.machine.chain import Chain
 
+    if output is not None and output.suffix.lower() in WRITTEN[PROGRAM]:
+        raise tn.InputError(
+            f"--output: got {output}, whose ending is that of a program, for the plan; expected "
+            f"plan.csv, say, and --program {output.name} for the program"
+        )
     made = tn.read_setup(setup)
     chain = Chain(made)
     angles = {

@@ -228,6 +228,7 @@ def command(
                         say("error:", message)
                     raise typer.Exit(REFUSED)
             except (Exception, KeyboardInterrupt) as error:
+                _name_as_typed(error, context)
                 _end(error)
             finally:
                 _FORCED.reset(reset)
@@ -241,6 +242,14 @@ def command(
         return function
 
     return decorate
+
+
+def _name_as_typed(error: BaseException, context: typer.Context) -> None:
+    """Let a message that begins with an argument of Python begin with the option that gave it."""
+    said = str(error)
+    for option in context.command.params if type(error) is InputError else ():
+        if option.param_type_name == "option" and said.startswith(f"{option.name}: "):
+            error.args = (f"{option.opts[0]}{said[len(option.name or '') :]}",)
 
 
 def _end(error: BaseException) -> NoReturn:

@@ -145,7 +145,7 @@ def _next(d: tn.Diagnosis, n: int, output: Path | None) -> tuple[dict[str, Any],
     ]
     if isinstance(d.data, tn.Touches):
         found = tn.expected_discrimination(d, n)
-        shown += [found, save(output or Path("next.csv"), found.plan.to_csv)]
+        shown += [found, save(output or Path("next.csv"), found.plan.save)]
     return {"next_measurements": [one.to_dict() for one in tests]}, shown
 
 

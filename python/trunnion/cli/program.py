@@ -92,6 +92,13 @@ def program(
     plan = tn.read_touches(plans[0])
     if start_at > len(plan):
         raise tn.InputError(f"--from: got {start_at}, expected a touch of the plan's {len(plan)}")
+    if continues is not None and start_at == 1:
+        raise tn.InputError(
+            f"--continues {continues}: got it without --from, or --from 1, which begins a new "
+            "measurement; expected --from N too, the touch from which the runs of that log go on"
+        )
+    if tcp and corrected:
+        raise tn.InputError("--tcp: got it with --corrected, expected one of them")
     made = tn.probing_program(
         plan,
         tn.read_setup(file),

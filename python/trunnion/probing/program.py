@@ -193,8 +193,8 @@ def probing_program(
     named_by = plan_hash(named)
     if continues is not None and start_at == 1:
         raise InputError(
-            "continues: got it from touch 1, which begins a new measurement; expected "
-            "start_at, the touch from which the runs of that log are continued"
+            "continues: got it with start_at = 1, which begins a new measurement; expected a "
+            "later start_at, the touch from which the runs of that log are continued"
         )
     cycle = replace(
         cycle_of(ready, setup),
