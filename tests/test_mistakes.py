@@ -160,12 +160,10 @@ ARTEFACTS = [
 ]
 
 
-RECIPROCAL = {
-    "inches": ["their positions are in mm but were taken for inches"],
-    "mm but were taken for inches": ["their positions are in inches"],
-    "m": ["their positions are in µm"],
-}
-"""Unit of a set-up in whose place the touches may be in another one."""
+RECIPROCAL = {"mm but were taken for inches": ["their positions are in inches"]}
+"""Unit of a set-up in whose place the touches may be in another one.
+
+Not where no ball and no artefact is as small as the set-up says: it is the set-up then."""
 
 
 def in_unit(artefact: dict[str, Any], factor: float) -> tn.Artefact:
@@ -180,7 +178,7 @@ def in_unit(artefact: dict[str, Any], factor: float) -> tn.Artefact:
 def test_an_artefact_in_another_unit_is_named(
     artefact: dict[str, Any], factor: float, unit: str
 ) -> None:
-    """Alone, and with the ball of the probe, where it may as well be the touches that are wrong."""
+    """Alone, and with the ball of the probe, where it may be the touches that are wrong."""
     true = tn.Setup(artefact=tn.Artefact(**artefact), probe=tn.Probe(ball_radius_mm=1.5))
     data = measured(true)
     methods = METHODS if artefact["kind"] == "cross" else (tn.identify, tn.diagnose)

@@ -280,7 +280,8 @@ def _likely_cause(entries: Sequence[_Entry], plan: Touches, planned: Floats) -> 
     expected, way = planned[rows, :3], plan.direction[rows]
     for text, factor in (("in inches (G20)", 25.4), ("in mm, taken for inches", 1 / 25.4)):
         if np.linalg.norm(factor * logged - expected, axis=1).max() <= DISTANCE_MM:
-            return f"; all are where they were planned if X, Y and Z are {text}"
+            said = f"; all are where they were planned if X, Y and Z are {text}"
+            return said + (", or if the plan's set-up is in inches" if factor < 1.0 else "")
     if len(rows) < FEWEST:
         return ""
     across = np.eye(3) - way[:, :, None] * way[:, None, :]

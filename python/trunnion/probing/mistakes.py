@@ -152,7 +152,8 @@ def mistakes_named(data: Touches, setup: Setup) -> Iterator[None]:
         if not len(data):
             raise
         data = some_rows(data)
-        if not (cause := _cause(data, setup, _scatter_um(data, setup))):
+        cause = _cause(data, setup, _scatter_um(data, setup)) or " ".join(length_doubts(setup))
+        if not cause:
             raise
         raise DataError(f"{error}. Likely cause: {cause}") from None
 
@@ -254,6 +255,8 @@ def _cause(data: Touches, setup: Setup, before_um: float) -> str | None:
     ]
     if not fitting:
         return None
+    # In inches all fits as in mm: what no artefact and no ball is as small as says which is meant.
+    fitting = [(s, g) for s, g in fitting if not length_doubts(g.setup)] or fitting
     best = min(scatter / guess.unit_mm for scatter, guess in fitting)
     near = [(s, g) for s, g in fitting if s / g.unit_mm <= RIVAL_FACTOR * best]
     left = min(scatter for scatter, _ in near)
