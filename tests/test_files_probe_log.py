@@ -75,7 +75,7 @@ def test_a_log_in_another_unit_is_named(plan: tn.Touches, tmp_path: Path) -> Non
     path = tmp_path / "probe.log"
     for factor, said in (
         (1 / 25.4, "Z are in inches (G20)"),
-        (25.4, "Z are in mm, taken for inches"),
+        (25.4, "Z are in mm, taken for inches, or if the plan's set-up is in inches"),
     ):
         rows = [[float(n) for n in line.split()] for line in (FIRST, SECOND)]
         lines = (
@@ -482,6 +482,39 @@ def test_what_a_compensation_must_know_of_the_work_offset_is_said(
     assert len(read.notes) == bool(says)
     for part in says:
         assert part in read.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("mirrored", "said"),
+    [
+        (("x_mm",), "all are as planned if X counts the other way: does the control's axis run"),
+        (("z_mm",), "all are as planned if Z counts the other way"),
+        (("a_deg",), r"A \(touch .*if A counts the other way: .*set-up \(\[axes.A\] sense\)\?$"),
+        (("c_deg",), "if C counts the other way"),
+        (("x_mm", "y_mm"), "if X and Y count the other way"),
+        (("y_mm", "c_deg"), "if Y and C count the other way"),
+    ],
+)
+@pytest.mark.parametrize("is_numbered", [True, False])
+def test_an_axis_that_counts_the_other_way_is_named(
+    mirrored: tuple[str, ...], said: str, is_numbered: bool, tmp_path: Path
+) -> None:
+    setup = tn.Setup(tn.Artefact("cuboid", length_mm=70.0, width_mm=50.0, height_mm=40.0))
+    plan = tn.plan(setup, c_deg=(0, 50, 110), a_deg=(30, -75))
+    made = tn.simulate(plan, setup, {"EX0C": 40.0}, {"dx_um": 900.0}, seed=3)
+    at = {name: made[name] * (-1.0 if name in mirrored else 1.0) for name in made.columns}
+    order = ("x_mm", "y_mm", "z_mm", "a_deg", "", "c_deg")
+    rows = np.column_stack([at[name] if name else 0.0 * made.x_mm for name in order])
+    head = f"{probe_log_of(plan, made, 'p').splitlines()[0]}\n" if is_numbered else ""
+    lines = [
+        (f"{i} 600 " if is_numbered else "") + " ".join(f"{v:.6f}" for v in row)
+        + ("" if is_numbered else " 0 0 0")
+        for i, row in enumerate(rows.tolist(), 1)
+    ]  # fmt: skip
+    path = tmp_path / "probe.log"
+    path.write_text(head + "\n".join(lines) + "\n")
+    with pytest.raises(tn.FileFormatError, match=said):
+        tn.read_probe_log(path, plan)
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from os import PathLike
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trunnion.base.arguments import checked
 from trunnion.base.input import file_bytes
@@ -244,17 +245,18 @@ def _check(log: Log, entries: Sequence[_Entry], plan: Touches) -> None:
                 entry.line,
                 first + column,
                 f"{letter} (touch {entry.row + 1}): got {logged[column]:.6f}, expected "
-                f"{expected[column]:.6f} (to {ROTARY_TOLERANCE_DEG:g}), {why}",
+                f"{expected[column]:.6f} (to {ROTARY_TOLERANCE_DEG:g}), {why}"
+                f"{_mirrored(entries, planned, is_turned)}",
             )
         distance = float(np.linalg.norm(off[:3]))
         if distance > DISTANCE_MM:
             x, y, z = expected[:3].tolist()
+            why = _mirrored(entries, planned, is_turned) or _likely_cause(entries, plan, planned)
             raise log.error(
                 entry.line,
                 first,
                 f"X (touch {entry.row + 1}): got a touch {distance:.3f} mm from the planned "
-                f"one, expected at most {DISTANCE_MM:g} mm from ({x:.3f}, {y:.3f}, {z:.3f})"
-                f"{_likely_cause(entries, plan, planned)}",
+                f"one, expected at most {DISTANCE_MM:g} mm from ({x:.3f}, {y:.3f}, {z:.3f}){why}",
             )
         across = across_mm(off[None, :3], plan.direction[[entry.row]])[0]
         beside, axis = float(np.linalg.norm(across)), int(np.argmax(np.abs(across)))
@@ -267,6 +269,30 @@ def _check(log: Log, entries: Sequence[_Entry], plan: Touches) -> None:
                 "the ball along it"
                 f"{_likely_cause(entries, plan, planned) or OTHER_TOUCH}",
             )
+
+
+def _mirrored(entries: Sequence[_Entry], planned: Floats, is_turned: Sequence[int]) -> str:
+    """Say that all touches are as planned if some axes count the other way; else nothing.
+
+    is_turned: Columns of the rotary axes of the plan, which count to whole turns.
+    """
+    logged = np.array([entry.values for entry in entries])
+    limits = np.array([DISTANCE_MM] * 3 + [ROTARY_TOLERANCE_DEG] * (len(NAMES) - 3))
+
+    def far(sign: float) -> NDArray[np.bool_]:
+        off = sign * logged - planned[[entry.row for entry in entries]]
+        off[:, is_turned] -= 360.0 * np.round(off[:, is_turned] / 360.0)
+        return np.asarray(np.abs(off).max(axis=0) > limits)
+
+    found = [name for name, is_far in zip(NAMES, far(1.0), strict=True) if is_far]
+    if len(entries) < FEWEST or (far(1.0) & far(-1.0)).any() or not found:
+        return ""
+    senses = ", ".join(f"[axes.{name}] sense" for name in found if name not in NAMES[:3])
+    return (
+        f"; all are as planned if {' and '.join(found)} count{'s' * (len(found) == 1)} the other "
+        "way: does the control's axis run the other way from that of the set-up"
+        f"{f' ({senses})' if senses else ''}?"
+    )
 
 
 def _likely_cause(entries: Sequence[_Entry], plan: Touches, planned: Floats) -> str:
