@@ -190,3 +190,26 @@ def test_the_lathe_bed_bent_back() -> None:
     same = (along | {"field (rms, along)"}) - {"kink.along_um_m"}
     assert same <= set(found.changes) - found.changed
     assert "Not changed, 95 % each" in found.summary()
+
+
+def test_what_is_missing_of_a_comparison_is_said() -> None:
+    """Names and values alone have no standard errors; others may not be identifiable."""
+    known = tn.Estimate(errors={"EX0C": 15.0, "EB0A": 3.0}, std_errors={"EX0C": 0.2, "EB0A": 0.3})
+    bare = tn.Estimate(errors={"EX0C": 16.0, "EB0A": 3.0})
+    found = tn.compare(known, bare)
+    assert not found.quantities
+    said = found.summary().replace("\n", " ")
+    assert "Not compared, as after has no standard error of it: EX0C, EB0A." in said
+    assert "trunnion estimate TOUCHES SETUP -o estimate.json" in said
+    one = tn.Estimate(errors={"EX0C": 16.0, "EB0A": 3.0}, std_errors={"EX0C": 0.2})
+    partly = tn.compare(known, one)
+    assert [q.name for q in partly.quantities] == ["EX0C"]
+    assert any("after has no standard error of it: EB0A." in note for note in partly.notes)
+    blind = tn.Estimate(
+        errors={"EX0C": 16.0, "EB0A": 3.0}, std_errors={"EX0C": 0.2, "EB0A": float("inf")}
+    )
+    assert "Not compared, as after does not identify it: EB0A." in tn.compare(known, blind).notes
+    other = tn.Estimate(errors={"EY0A": 1.0}, std_errors={"EY0A": 0.1})
+    (said,) = tn.compare(known, other).notes
+    assert said == "No quantity is in all of them (before: EX0C, EB0A; after: EY0A)."
+    assert tn.compare(known, known).notes == ()

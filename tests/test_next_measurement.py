@@ -169,3 +169,31 @@ def test_the_command_writes_touches_that_follow_behind_the_first(tmp_path: Path)
     times = tn.read_touches(both)["time_s"]
     assert len(times) == len(d.data) + 8
     assert np.all(np.diff(times) > 0)
+
+
+def test_touches_whose_clock_begins_anew_follow_after_a_stated_pause(tmp_path: Path) -> None:
+    """The message names the command that mends it; with it the times are those of one clock."""
+    setup, first, plan, log = (tmp_path / n for n in ("s.toml", "1.csv", "next.csv", "next.log"))
+    made = tn.Setup(tn.Artefact("cross"))
+    setup.write_text(made.to_toml())
+    whole = tn.simulate(tn.plan(made), made, noise_um=0.3, seed=5)
+    whole[:60].to_csv(first)
+    later = tn.plan(made)[60:]
+    anew = later.with_columns(time_s=later["time_s"] - later["time_s"].min() + 4.0)
+    command = ["simulate", str(plan), str(setup), "--probe-log", str(log), "--quiet"]
+    for given in (anew, anew.with_columns(time_s=None)):
+        given.to_csv(plan)
+        log.unlink(missing_ok=True)
+        assert CliRunner().invoke(app, command).exit_code == 0
+        words = ["touches", *map(str, (plan, log, setup)), "--after", str(first)]
+        refused = CliRunner().invoke(app, words)
+        assert refused.exit_code == 2
+        assert refused.stderr.rstrip().endswith(f"{' '.join(words)} --pause SECONDS")
+        said = CliRunner().invoke(app, [*words, "--pause", "100", "-o", str(tmp_path / "both.csv")])
+        assert said.exit_code == 0, said.output
+        times = tn.read_touches(tmp_path / "both.csv")["time_s"]
+        assert times[60] == pytest.approx(times[59] + 100.0)
+        assert np.all(np.diff(times) > 0)
+        (tmp_path / "both.csv").unlink()
+    refused = CliRunner().invoke(app, [*words[:-2], "--pause", "100"])
+    assert "--pause: got it without --after" in refused.stderr

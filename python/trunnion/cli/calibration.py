@@ -111,11 +111,6 @@ def plan(
     """Plan the touches of a measurement; the paper's 72 unless angles or --for are given."""
     from trunnion.machine.chain import Chain
 
-    if output is not None and output.suffix.lower() in WRITTEN[PROGRAM]:
-        raise tn.InputError(
-            f"--output: got {output}, whose ending is that of a program, for the plan; expected "
-            f"plan.csv, say, and --program {output.name} for the program"
-        )
     made = tn.read_setup(setup)
     chain = Chain(made)
     angles = {
@@ -174,6 +169,11 @@ def _planned(
     from trunnion.probing.notes import plan_notes
     from trunnion.probing.steps import taken_by_offset
 
+    if output is not None and output.suffix.lower() in WRITTEN[PROGRAM]:
+        raise tn.InputError(
+            f"--output: got {output}, whose ending is that of a program, for the plan; expected "
+            f"plan.csv, say, and --program {output.name} for the program"
+        )
     shown = []
     minutes = 0.0 if planned.time_s is None else float(planned.time_s[-1]) / 60
     if output is not None:

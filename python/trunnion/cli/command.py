@@ -228,8 +228,7 @@ def command(
                         say("error:", message)
                     raise typer.Exit(REFUSED)
             except (Exception, KeyboardInterrupt) as error:
-                _name_as_typed(error, context)
-                _end(error)
+                _end(error, context)
             finally:
                 _FORCED.reset(reset)
                 COMMAND.reset(line)
@@ -252,8 +251,9 @@ def _name_as_typed(error: BaseException, context: typer.Context) -> None:
             error.args = (f"{option.opts[0]}{said[len(option.name or '') :]}",)
 
 
-def _end(error: BaseException) -> NoReturn:
+def _end(error: BaseException, context: typer.Context) -> NoReturn:
     """Say what ended a command in one line, never a traceback, and end with its exit code."""
+    _name_as_typed(error, context)
     if isinstance(error, typer.Exit | typer.Abort | typer.BadParameter):
         raise error
     if isinstance(error, KeyboardInterrupt):

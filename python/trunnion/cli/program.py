@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, TypedDict
 import typer
 
 import trunnion as tn
+from trunnion.base.call import COMMAND
 from trunnion.base.output import write_text
 from trunnion.cli.command import (
     PROGRAM,
@@ -173,9 +174,19 @@ def touches(
             "are written, as one measurement"
         ),
     ] = None,
+    pause: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            help="s from the last touch of --after to the first of these, where their plan begins "
+            "its times anew",
+        ),
+    ] = None,
     output: Output = None,
 ) -> Answer:
     """Write the touches that a probing program logged, as data for every other command."""
+    if pause is not None and after is None:
+        raise tn.InputError("--pause: got it without --after, expected both")
     (plan, log), set_ups = sort_files(files, (2, 2), (0, 1), "plan and log")
     if plan.suffix.lower() == ".log":
         plan, log = log, plan
@@ -184,7 +195,7 @@ def touches(
     notes = measured.recognised.notes if measured.recognised else ()
     logged, missing = len(measured), _missing(planned, measured)
     if after is not None:
-        measured = _following(tn.read_touches(after), measured, planned)
+        measured = _following(tn.read_touches(after), measured, planned, pause)
     values = {
         "touches": len(measured),
         "planned": len(planned),
@@ -197,13 +208,28 @@ def touches(
     return Answer(values, (*notes, said, save(output, measured.save)))
 
 
-def _following(first: tn.Touches, measured: tn.Touches, planned: tn.Touches) -> tn.Touches:
-    """Return touches and those that follow them, by the clock of a plan that runs on."""
-    at, start = measured.time_s, planned.time_s
-    runs_on = first.time_s is not None and start is not None and start.min() > first.time_s.max()
-    if runs_on and at is not None and start is not None:
-        measured = measured.with_columns(time_s=at + max(0.0, start.min() - at.min()))
-    return first.followed_by(measured)
+def _following(
+    first: tn.Touches, measured: tn.Touches, planned: tn.Touches, pause_s: float | None
+) -> tn.Touches:
+    """Return touches and those that follow them, by the clock of a plan that runs on.
+
+    pause_s: Between them, of a plan whose times begin anew; None: not stated.
+    """
+    at, before = measured.time_s, first.time_s
+    if at is None or before is None:
+        if pause_s is not None:
+            raise tn.InputError("--pause: got touches without time_s, expected times before it")
+        return first.followed_by(measured)
+    start = at if planned.time_s is None else planned.time_s
+    begin = max(start.min(), at.min()) if pause_s is None else before.max() + pause_s
+    if begin < before.max():
+        raise tn.InputError(
+            f"--after: got touches whose times begin anew ({at.min():.6g} s, those before end at "
+            f"{before.max():.6g} s), expected those of a plan whose times run on, as diagnose "
+            "--next writes it; or state how long the control stood between them: "
+            f"{COMMAND.get()} --pause SECONDS"
+        )
+    return first.followed_by(measured.with_columns(time_s=at + (begin - at.min())))
 
 
 def _missing(planned: tn.Touches, measured: tn.Touches) -> str:

@@ -135,7 +135,8 @@ class Touches(Table):
         if "time_s" in names and later["time_s"].min() < self["time_s"].max():
             raise InputError(
                 f"time_s: got touches from {later['time_s'].min():g} s on that follow others up to "
-                f"{self['time_s'].max():g} s, expected later ones of one clock: add the pause"
+                f"{self['time_s'].max():g} s, expected later ones of one clock: add the "
+                "pause to their time_s"
             )
         return Touches.concatenate(parts)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import isfinite
 from typing import Any
 
 from trunnion.base.report import (
@@ -277,6 +278,38 @@ def _chance(p: float) -> Shown:
     return Shown(p, chance(p).removeprefix("p ").removeprefix("= "))
 
 
-def _listed(parts: Sequence[str]) -> str:
+def _listed(parts: Sequence[str], mark: str = "; ") -> str:
     more = len(parts) - MAX_NAMED
-    return "; ".join(parts[:MAX_NAMED]) + (f"; and {more} more" if more > 0 else "")
+    return mark.join(parts[:MAX_NAMED]) + (f"; and {more} more" if more > 0 else "")
+
+
+def not_compared(
+    names: Sequence[str],
+    std: Sequence[Mapping[str, float]],
+    stated: Sequence[Mapping[str, float] | None],
+) -> tuple[str, ...]:
+    """Say which quantities of several estimates are not compared, and what is missing of them.
+
+    names: Of the measurements. std: Of each, standard errors of its quantities, inf: unknown.
+    stated: Of each, those that it states, inf: not identifiable; None: all.
+    """
+    common = [name for name in std[0] if all(name in one for one in std)]
+    if not common:
+        each = "; ".join(
+            f"{name}: {_listed([*one], ', ') or 'nothing'}"
+            for name, one in zip(names, std, strict=True)
+        )
+        return (f"No quantity is in all of them ({each}).",)
+    said = []
+    for called, mine, known in zip(names, std, stated, strict=True):
+        unknown = [name for name in common if not isfinite(mine[name])]
+        bare = [name for name in unknown if known is not None and name not in known]
+        if bare:
+            said.append(
+                f"Not compared, as {called} has no standard error of it: {_listed(bare, ', ')}. "
+                "Nothing says what of a change is noise; expected estimates as trunnion estimate "
+                "TOUCHES SETUP -o estimate.json writes them, not names and values alone."
+            )
+        if open_ := [name for name in unknown if name not in bare]:
+            said.append(f"Not compared, as {called} does not identify it: {_listed(open_, ', ')}.")
+    return tuple(said)

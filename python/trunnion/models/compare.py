@@ -30,7 +30,7 @@ from trunnion.files.table import Table
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.machine.geometry import of_one_machine
-from trunnion.models.changes import Change, MachineComparison, Trend, meaning
+from trunnion.models.changes import Change, MachineComparison, Trend, meaning, not_compared
 from trunnion.models.kinds import as_table, diagnose
 
 COVERAGE = 0.95
@@ -131,6 +131,7 @@ def compare(
     days = _days(dates, len(sources))
     diagnosed = [s.diagnosis for s in sources if s.diagnosis is not None]
     notes = list(of_one_machine([s.made for s in sources]))
+    shown = _names(names, dates, len(sources))
     vectors: dict[str, tuple[_Vector, ...]] = {}
     if diagnosed:
         found = _joined(_of_standard([d.data for d in diagnosed], notes))
@@ -139,6 +140,9 @@ def compare(
         notes += _otherwise([d.data for d in diagnosed])
     else:
         found = _joined([s.values for s in sources])
+        stds = [{n: v.std for n, v in s.values.items()} for s in sources]
+        stated = [getattr(s.made, "std_errors", None) for s in sources]
+        notes += not_compared(shown, stds, stated)
     known = {
         name: tuple(_with(v, (uncertainty or {}).get(name, 0.0)) for v in values)
         for name, values in found.items()
@@ -148,7 +152,6 @@ def compare(
         raise InputError(f"uncertainty: got {wrong[0]!r}, expected one of {', '.join(known)}")
     tested = [_change(name, v[0], v[-1]) for name, v in known.items()]
     tested += [_of_many(name, v[0], v[-1]) for name, v in vectors.items()]
-    shown = _names(names, dates, len(sources))
     return MachineComparison(
         names=shown,
         quantities=_judged(tested, level),
