@@ -161,3 +161,19 @@ def _per_spread(design: Floats, values: Floats) -> Floats:
     """Residuals of a fit, each over the share of its own noise that the fit leaves in it."""
     hat = design @ np.linalg.pinv(design)
     return np.asarray(np.abs(values - hat @ values) / np.sqrt(1.0 - np.diag(hat)))
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_touch_far_out_in_heavy_tails_is_no_shift_before_the_last(seed: int) -> None:
+    """Of the touches after a shift one alone reads in its direction: that is a bad touch, or none.
+
+    The noise is Student's, of four degrees of freedom, whose tails reach so far.
+    """
+    rng = np.random.default_rng([seed, 4])
+    plan = tn.plan(SETUP, c_deg=range(0, 360, 30), a_deg=(30, -30, 60, -60, 90, -90))
+    noise = rng.standard_t(4, len(plan)) / np.sqrt(2)
+    ends = [*range(4), *range(len(plan) - 4, len(plan))]
+    noise[rng.choice(ends)] = 7.0 * rng.choice([-1, 1])
+    errors = {name: float(rng.uniform(-25, 25)) for name in ERRORS}
+    d = tn.diagnose(off(tn.simulate(plan, SETUP, errors), noise), SETUP)
+    assert "setup_shift" not in d.named

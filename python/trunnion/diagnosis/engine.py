@@ -48,11 +48,12 @@ from trunnion.diagnosis.records import rms, units_of
 from trunnion.diagnosis.report import report
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scatter import Directions, price
-from trunnion.diagnosis.selection import MAX_CAUSES, WITHIN, search
+from trunnion.diagnosis.selection import WITHIN
 from trunnion.diagnosis.steps import (
     weights_of,
     white_beside,
 )
+from trunnion.diagnosis.suspects import far_out, proposals
 from trunnion.diagnosis.whitening import identity
 
 LOG = logging.getLogger("trunnion.diagnosis")
@@ -63,10 +64,7 @@ MAX_ROUNDS = 3
 MAX_POINTS = 3  # about which candidates are linearised
 MAX_WORSE = 1.001  # of the rms of the plain model
 MAX_NONLINEAR = 0.1  # of the rms of the residuals, that is left to the second order
-MAX_SUSPECTS = 12
 SAME_DIRECTION_COSINE = 0.999
-MIN_DOF = 5  # degrees of freedom from which outliers can be found
-FAR_SIGMAS = 4.0
 SAME_LIKELIHOOD = 0.5  # of -2 ln L: weights are good enough
 TINY = 1e-300
 BY_NUMBER = (
@@ -381,7 +379,7 @@ def _choose(case: Case) -> Choice:
     none = np.zeros(0, dtype=np.intp)
     if not case.model.allows_outliers:
         return 0.0, explain(case), none
-    aside = none if case.exact(case.plain) else _far_out(case, case.plain)
+    aside = none if case.exact(case.plain) else far_out(case, case.plain)
     if len(aside) and (whole := exactly(case)) is not None:
         # Without noise, a cause of a few readings looks like outliers.
         return 0.0, whole, none
@@ -397,8 +395,8 @@ def _choose(case: Case) -> Choice:
         snooped = out.one_by_one(case.plain.basis, case.plain.white, case.least_noise)
     elif (best[1].sets or best[1].terms) and not case.exact(best[1].fit):
         # Something is wrong: perhaps a reading that is not far enough out to say so by itself.
-        snooped = _far_out(case, case.plain, out.SUSPECT_LEVEL)
-    for bad in (snooped, *_proposals(case, best, aside)):
+        snooped = far_out(case, case.plain, out.SUSPECT_LEVEL)
+    for bad in (snooped, *proposals(case, best[1], best[2], aside)):
         if any(np.array_equal(bad, t) for t in tried):
             continue
         tried.append(bad)
@@ -414,24 +412,13 @@ def _choose(case: Case) -> Choice:
     return best
 
 
-def _proposals(case: Case, best: Choice, aside: Integers) -> list[Integers]:
-    """Propose further readings to set aside: far out under the causes, or competing with them."""
-    out_of_causes = []
-    if not len(best[2]) and best[1].sets and not case.exact(best[1].fit):
-        out_of_causes.append(_far_out(case, best[1].fit))
-    suspects = np.union1d(aside, out_of_causes[0]) if out_of_causes else aside
-    if 0 < len(suspects) <= MAX_SUSPECTS:
-        out_of_causes.append(_among_causes(case, suspects))
-    return out_of_causes
-
-
 def _explained_without(case: Case, bad: Integers) -> Choice:
     """Explain without these readings, or those of them that stay bad."""
     n = len(case.rows)
     without = explain(case.without(bad))
     LOG.debug("%d set aside: %s", len(bad), ", ".join(without.fit.effects) or "no cause")
     for _ in range(MAX_REVISIONS if len(bad) else 0):
-        late = case.rows[kept_rows(n, bad)][_far_out(case, without.fit)]
+        late = case.rows[kept_rows(n, bad)][far_out(case, without.fit)]
         revised = np.union1d(_still_out(case, without, bad), late)
         if np.array_equal(revised, bad):
             break
@@ -465,35 +452,8 @@ def _choices(case: Case, bad: Integers) -> int:
     )
 
 
-def _among_causes(case: Case, suspects: Integers) -> Integers:
-    """Let a few suspect readings compete with the causes, each as a cause of its own."""
-    n = len(case.model.readings)
-    alone = np.zeros((n, len(suspects)))
-    alone[suspects, np.arange(len(suspects))] = 1.0
-    white = np.asarray(case.whiten(alone)).T[:, None, :, None]
-    both = case.candidates.beside(list(white), np.full(len(suspects), out.OUTLIER_LEVEL / n))
-    top = search(both, case.plain.white, most=MAX_CAUSES + len(suspects), floor=case.floor).top
-    count = len(case.effects)
-    return np.sort(suspects[[m - count for m in top.members if m >= count]])
-
-
 def _still_out(case: Case, e: Explanation, bad: Integers) -> Integers:
     """Drop from the readings set aside those that the explanation found without them fits."""
     sigma = float(np.sqrt(case.floor.noise(e.fit.rss, e.fit.dof)))
     size = np.abs(np.asarray(case.without(bad).whiten(e.fit.residuals))[bad])
     return np.asarray(bad[size > INLIER_SIGMAS * sigma])
-
-
-def _far_out(case: Case, f: Fit, level: float = out.OUTLIER_LEVEL) -> Integers:
-    """Find readings far out under a fit (indices into the readings it used)."""
-    leverage = np.einsum("ij,ij->i", f.basis, f.basis)
-    size = np.abs(f.white) / np.sqrt(np.maximum(1 - leverage, out.MIN_FREE))
-    least = case.least_noise
-    typical = max(np.median(size) / 0.6745, least)
-    if f.dof < MIN_DOF or typical <= 0 or size.max() < FAR_SIGMAS * typical:
-        return np.zeros(0, dtype=np.intp)
-    far = out.far_out(case.sizes(f, out.robust_sizes), f.dof, least, level)
-    if len(far):
-        return far
-    # A robust fit may follow a bad reading that weighs much.
-    return out.far_out(case.sizes(f, out.snooped_sizes), f.dof, least, level)
