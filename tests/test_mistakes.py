@@ -417,6 +417,36 @@ def test_a_centre_of_a_sphere_far_from_where_it_stands_is_named(
             assert np.allclose(near, SPHERE["centre_mm"], atol=0.11)
 
 
+@pytest.mark.parametrize("preset", ["trt-ca", "trt-bc"])
+@pytest.mark.parametrize("kind", ["cross", "cuboid"])
+@pytest.mark.parametrize("off", [(9.0, 0.0, 0.0), (-30.0, 22.0, 4.0), (3.0, -55.0, 11.0)])
+def test_a_place_of_an_artefact_far_from_where_it_stands_is_named(
+    off: tuple[float, float, float], kind: str, preset: str
+) -> None:
+    """On a table that turns, the touches are off by a vector that turns with it."""
+    stands = (12.0, -7.0, 15.0)
+    sizes: dict[str, Any] = (
+        {} if kind == "cross" else {"length_mm": 80.0, "width_mm": 60.0, "height_mm": 40.0}
+    )
+    artefact = tn.Artefact(kind, place_mm=stands, turn_deg=30.0, **sizes)
+    true = tn.Setup(artefact=artefact, machine=tn.Machine(preset=preset))
+    wrong: Any = tuple(a + b for a, b in zip(stands, off, strict=True))
+    given = replace(true, artefact=replace(artefact, place_mm=wrong))
+    for seed in range(3):
+        data = tn.simulate(tn.plan(true), true, errors={"EX0C": 20.0}, noise_um=0.5, seed=seed)
+        assert tn.identify(data, true).notes == ()
+        for method in (tn.identify, tn.diagnose):
+            with pytest.raises(tn.DataError) as caught:
+                method(data, given)
+            stated = ", ".join(f"{v:g}" for v in wrong)
+            said = str(caught.value).partition("Likely cause: ")[2]
+            where = r"with artefact\.place_mm = \[(\S+), (\S+), (\S+)\]"
+            found = re.search(rf"{where} \(not \[{stated}\]\)", said)
+            assert found, said
+            near = np.array([float(one) for one in found.groups()])
+            assert np.allclose(near, stands, atol=0.21)
+
+
 def test_errors_in_mm_and_places_off_by_more_than_1_mm_are_named() -> None:
     with pytest.warns(UserWarning, match=r"got EX0C = 0.015: are these mm\?"):
         data = tn.simulate(PLAN, SETUP, errors={"EX0C": 0.015})

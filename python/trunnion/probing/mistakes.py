@@ -34,7 +34,7 @@ from trunnion.probing.model import (
     rounding_um,
     ticks_um,
 )
-from trunnion.probing.place_mistakes import beside, other_centre_mm
+from trunnion.probing.place_mistakes import beside, other_centre_mm, other_place_mm
 from trunnion.probing.result import NO_PROBE_UM, IdentificationResult
 from trunnion.probing.tick_mistakes import tick_mistakes
 from trunnion.setup import Artefact, AxisSetup, Machine, Probe, Setup
@@ -421,6 +421,9 @@ def _changes(data: Touches, setup: Setup) -> Iterator[tuple[str, Any, str]]:
         given = setup.artefact.centre_mm
         text = f"with artefact.centre_mm = {_vector(centre)} (not {_vector(given or ())})"
         yield "artefact", replace(setup.artefact, centre_mm=centre), text
+    if place := other_place_mm(data, setup):
+        text = f"with artefact.place_mm = {_vector(place)} (not {_vector(setup.artefact.place_mm)})"
+        yield "artefact", replace(setup.artefact, place_mm=place), text
     for kind in ("cross", "cuboid"):
         if kind != setup.artefact.kind:
             with suppress(TrunnionError):  # it has other dimensions

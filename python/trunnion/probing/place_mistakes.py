@@ -1,18 +1,30 @@
-"""Mistakes of places: touches beside their approach, a sphere that stands elsewhere."""
+"""Mistakes of places: touches beside their approach, an artefact that stands elsewhere."""
 
 from __future__ import annotations
 
+from contextlib import suppress
+from dataclasses import replace
+
 import numpy as np
 
+from trunnion.base.errors import TrunnionError
+from trunnion.base.units import Floats
 from trunnion.data.touches import BESIDE_MM, Touches, across_mm
 from trunnion.files.origin import places
 from trunnion.machine.chain import Chain
 from trunnion.machine.sizes import LARGE_UM
+from trunnion.probing.model import TouchModel
 from trunnion.probing.steps import table_pose
 from trunnion.setup import Setup
 
 MAX_NAMED = 5
 """Touches that a sentence names."""
+REACH_MM = 500.0
+"""How far from a touch the artefact is looked for."""
+ACROSS_FACE = 0.9
+"""Cosine of the angle between an approach and the normal of a face within which it is along it."""
+ROUNDS = 5
+SETTLED_MM = 0.02
 
 
 def beside(data: Touches) -> list[str]:
@@ -56,3 +68,71 @@ def other_centre_mm(data: Touches, setup: Setup) -> tuple[float, float, float] |
         return None
     x, y, z = centre.tolist()
     return x, y, z
+
+
+def other_place_mm(data: Touches, setup: Setup) -> tuple[float, float, float] | None:
+    """Where the touches put an artefact with flat faces, `place_mm` to 0.1 mm; None: its place.
+
+    Middle of the faces that are farthest out, then by as much as touches are off their faces.
+    """
+    artefact = setup.artefact
+    letters = {letter.upper() for letter in data.rotary_deg}
+    if artefact.kind not in ("cross", "cuboid") or letters != {*Chain(setup).letters}:
+        return None
+    turn, shift = table_pose(data, setup)
+    cos, sin = np.cos(np.radians(artefact.turn_deg)), np.sin(np.radians(artefact.turn_deg))
+    own = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])  # of the table's axes
+    ways = np.einsum("ij,nkj,nk->ni", own, turn, data.direction)
+    contact = data.position_mm + setup.probe.ball_radius_mm * data.direction - shift
+    faces = np.einsum("ij,nkj,nk->ni", own, turn, contact)
+    given = np.array(artefact.effective_place_mm)
+    place = _middle(faces, ways, own @ given, artefact.height_mm or 0.0)
+    for _ in range(ROUNDS):
+        moved = own.T @ place
+        try:
+            there = replace(setup, artefact=replace(artefact, place_mm=tuple(moved.tolist())))
+        except TrunnionError:  # no place for an artefact
+            return None
+        off = _off_mm(data, there)
+        step = np.zeros(3)
+        for axis in range(3):
+            along = (np.abs(ways[:, axis]) > ACROSS_FACE) & np.isfinite(off)
+            if along.any():
+                step[axis] = np.median(-off[along] / ways[along, axis])
+        place = place + step
+        if np.abs(step).max() < SETTLED_MM:
+            break
+    found = np.round(own.T @ place, 1) + 0.0
+    if np.linalg.norm(found - given) <= LARGE_UM / 1e3:
+        return None
+    x, y, z = found.tolist()
+    return x, y, z
+
+
+def _middle(faces: Floats, ways: Floats, given: Floats, height_mm: float) -> Floats:
+    """Place between the outermost faces touched from either side; where there are none, `given`.
+
+    faces, ways: Contacts and approaches along the artefact's axes, (n, 3).
+    """
+    place = given.copy()
+    for axis in range(2):
+        low, high = (faces[sign * ways[:, axis] > ACROSS_FACE, axis] for sign in (1.0, -1.0))
+        if len(low) and len(high):
+            place[axis] = (low.min() + high.max()) / 2
+    top = faces[ways[:, 2] < -ACROSS_FACE, 2]
+    if len(top):
+        place[2] = top.max() - height_mm
+    return place
+
+
+def _off_mm(data: Touches, setup: Setup) -> Floats:
+    """How far along its approach each touch is before the artefact, (n,); nan: it passes."""
+    model = TouchModel(setup)
+    off = np.full(len(data), np.nan)
+    for row in range(len(data)):
+        with suppress(TrunnionError):
+            off[row] = model.core.simulate(
+                model.moves(data[[row]]), model.values(), from_start=False, reach_mm=REACH_MM,
+                noise_um=0.0, seed=0, sample=0,
+            )[0]  # fmt: skip
+    return off
