@@ -154,3 +154,20 @@ def test_on_heads_too_an_absorbed_effect_has_a_size(preset: str) -> None:
     assert {"artefact_height", "backlash_z", "scale_z"} <= set(absorbed)
     assert all("would shift" in text for text in absorbed.values())
     assert "leave open in part" in absorbed["backlash_z"]
+
+
+def test_errors_that_an_effect_moves_alike_are_all_named() -> None:
+    """One of two that move by the same was named, as if the other did not."""
+    sizes = {"length_mm": 80.0, "width_mm": 60.0, "height_mm": 40.0}
+    setup = tn.Setup(tn.Artefact("cuboid", **sizes), machine=tn.Machine(preset="trt-bc"))  # type: ignore[arg-type]
+    plan = tn.plan(setup)
+    said = tn.observability(plan, setup, noise_um=0.5).summary().splitlines()
+    (line,) = [one for one in said if one.startswith("probe_lobing: ")]
+    amount, moved = line.removeprefix("probe_lobing: ").rstrip(".").split(" would shift ")
+    assert amount == "5 µm of a3_um"
+    named = dict(one.split(" by ") for one in moved.split(" and "))
+    assert set(named) == {"EX0B", "EX0C"}
+    effect = {"probe_lobing": {"a3_um": 5.0, "b3_um": 0.0}}
+    fit = tn.identify(tn.simulate(plan, setup, effects=effect), setup)
+    for name, shift in named.items():
+        assert fit[name] == pytest.approx(float(shift.split()[0]), rel=0.01)

@@ -38,6 +38,8 @@ SECOND_ORDER = 1e-3
 
 ASSUMED_SIZE = {"arcsec": 5.0, "µm": 5.0, "µm/h": 5.0, "ppm": 10.0}
 """Of an effect that is not identifiable, by the unit of its parameter: 1 of any other."""
+ALIKE = 0.9
+"""Of the largest shift in standard errors, from which on another error is named beside it."""
 MIN_BIAS = 0.5
 """Standard errors of a location error; a smaller shift of it is not mentioned."""
 ROUNDING = 1e-9
@@ -406,16 +408,27 @@ def bias_in_words(
         # the first of those that are equal but for rounding
         largest = next(k for k in sizes if abs(row[k]) / sizes[k] > (1 - SECOND_ORDER) * most)
         step = {k: v * sizes[largest] / row[largest] for k, v in row.items()}
-        for name, std_error in std.items():
-            least = max(std_error, ROUNDING)
-            if np.isfinite(least) and abs(step[name]) > (1 + SECOND_ORDER) * worst * least:
-                worst = abs(step[name]) / least
-                own = [k for k in sizes if abs(step[k]) > SECOND_ORDER * sizes[k]]
-                named = {k: k.rsplit(".", 1)[-1] if len(sizes) > 1 else "it" for k in own}
-                parts = " with ".join(f"{step[k]:.3g} {units[k]} of {named[k]}" for k in own)
-                moved = f"{-step[name]:+.3g} {unit_of(name)}".rstrip()
-                text = f"{parts} would shift {name} by {moved}"
+        known = {k: max(v, ROUNDING) for k, v in std.items() if np.isfinite(v)}
+        ratio = {k: abs(step[k]) / least for k, least in known.items()}
+        if max(ratio.values(), default=0.0) > (1 + SECOND_ORDER) * worst:
+            worst = max(ratio.values())
+            own = [k for k in sizes if abs(step[k]) > SECOND_ORDER * sizes[k]]
+            named = {k: k.rsplit(".", 1)[-1] if len(sizes) > 1 else "it" for k in own}
+            parts = " with ".join(f"{step[k]:.3g} {units[k]} of {named[k]}" for k in own)
+            moved = shifts_in_words({k: -step[k] for k in ratio}, ratio, 3)
+            text = f"{parts} would shift {moved}"
     return text
+
+
+def shifts_in_words(shifts: Mapping[str, float], ratio: Mapping[str, float], digits: int) -> str:
+    """Say the shift of the errors that an effect moves most: of all that it moves alike.
+
+    ratio: Of each its shift in standard errors, without sign.
+    """
+    alike = [name for name in ratio if ratio[name] >= ALIKE * max(ratio.values())]
+    return " and ".join(
+        f"{name} by {f'{shifts[name]:+.{digits}g} {unit_of(name)}'.rstrip()}" for name in alike
+    )
 
 
 @checked

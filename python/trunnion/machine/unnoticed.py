@@ -6,7 +6,7 @@ import numpy as np
 from scipy import special
 
 from trunnion.base.units import Floats, unit_of
-from trunnion.machine.estimate import ASSUMED_SIZE, ROUNDING
+from trunnion.machine.estimate import ASSUMED_SIZE, ROUNDING, shifts_in_words
 
 NOTICED = 3.5
 """Standard errors of an effect with which it is missed in about one case of three, known noise."""
@@ -58,24 +58,26 @@ def unnoticed(
     if not known:
         return {}
     least = np.array([max(std[names[i]], ROUNDING) for i in known])
-    found: dict[str, tuple[float, str, float, int, float]] = {}
+    found: dict[str, tuple[float, str, float, str]] = {}
     for some, along, left, whole in _beside(jacobian, cofactor, columns):
         assumed = [ASSUMED_SIZE.get(unit_of(parameter), 1.0) for parameter in some]
         sizes = np.minimum(noticed / np.maximum(left, TINY), assumed)
         ratio = np.abs(along[:, known]) * sizes[:, None] / least
-        worst, most = np.argmax(ratio, axis=1), np.max(ratio, axis=1)
+        most = np.max(ratio, axis=1)
         for i in np.flatnonzero((left > absorbed * whole) & (most > MORE * MIN_SHIFT)).tolist():
             effect, name = some[i].split(".", 1)
             if effect not in without and most[i] > MORE * found.get(effect, (MIN_SHIFT,))[0]:
-                size, place = float(sizes[i]), known[worst[i]]
-                shift = float(along[i, place]) * size
-                found[effect] = float(most[i]), name, size, place, shift
+                size = float(sizes[i])
+                shifts = {names[k]: float(along[i, k]) * size for k in known}
+                moved = shifts_in_words(
+                    shifts, dict(zip(shifts, ratio[i].tolist(), strict=True)), 2
+                )
+                found[effect] = float(most[i]), name, size, moved
     out = {}
     for effect in sorted(found, key=lambda k: -found[k][0])[:MAX_STATED]:
-        _, name, size, place, shift = found[effect]
+        _, name, size, moved = found[effect]
         what = "it" if sum(k.startswith(f"{effect}.") for k in columns) == 1 else name
         amount = f"{size:.2g} {unit_of(name)} of {what}"
-        moved = f"{names[place]} by {f'{shift:+.2g} {unit_of(names[place])}'.rstrip()}"
         out[effect] = f"{amount} can stay unnoticed and would shift {moved}"
     return out
 
