@@ -270,6 +270,10 @@ def test_the_frame_of_a_log_for_its_next_run(plan: tn.Touches, tmp_path: Path) -
             tn.ControlSetup(wcs="G55", rotary_offset_deg=0.5, centre_mm=(1.0, 2.5, 3.0)),
             r"G55 at \[1, -2.5, 3\], expected it within 1 mm of control.centre_mm = \[1, 2.5, 3\]",
         ),
+        (
+            tn.ControlSetup(wcs="G55", centre_mm=(1.0, 2.5, 3.0)),
+            r"got runs with G55 at .* changed since\?; and with C shifted by 0.5 deg, expected at",
+        ),
     ):  # a program that the control's state would stop before its first move
         other = replace(setup, control=control)
         with pytest.raises(tn.InputError, match=message):
@@ -292,7 +296,9 @@ def test_the_frame_of_a_log_for_its_next_run(plan: tn.Touches, tmp_path: Path) -
         with pytest.raises(tn.FileFormatError, match=message):
             tn.probing_program(plan, setup, start_at=2, continues=path)
     path.write_text(run(plan).replace("length 100", "length 100 A 0 C 0 corrected") + ONE)
-    with pytest.raises(tn.InputError, match="got runs with other kinematics"):
+    with pytest.raises(
+        tn.InputError, match=r"got runs with other kinematics \(corrected\) than this"
+    ):
         tn.probing_program(plan, setup, start_at=2, continues=path)
 
 

@@ -176,3 +176,48 @@ def test_a_reading_that_is_not_renewed_stops_the_run(tmp_path: Path) -> None:
     assert any("touch 30: the control gave the reading" in said for said in report["messages"])
     assert report["strikes"] == report["stem-strikes"] == 0
     assert len(tn.read_probe_log(tmp_path / "touches.log", case.plan)) == 29
+
+
+def test_all_that_is_not_as_planned_is_said_at_once(tmp_path: Path) -> None:
+    """Three starts found three faults, one each; a G92 that is in force stays so."""
+    case = hidden(7)
+    (tmp_path / "probe.ngc").write_text(tn.probing_program(case.plan, case.setup).text())
+    centre = case.setup.control.centre_mm
+    assert centre is not None
+    wrong = [f"G10 L2 P1 X{centre[0] + 3.0:.4f} C5", "G92 X3"]
+    start = {"program": "probe.ngc"}
+    steps = [*work_offset(case), *({"mdi": line} for line in wrong), start, start]
+    for report in [one for one in run(case.bench, steps, tmp_path) if one.get("program")]:
+        assert report["travel"] == 0
+        assert report["pauses"] == []
+        for says in (
+            r"G54 X is \S+ mm, expected \S+ as in the set-up",
+            r"G54 shifts C by 5\.0+ deg, the plan keeps clear of 0",
+            "a G92 offset is active, G92.1 cancels it",
+            "nothing has moved: 3 not as planned, see the messages before",
+        ):
+            assert sum(bool(re.search(says, said)) for said in report["messages"]) == 1, report
+
+
+def test_the_operator_sees_how_far_it_is(tmp_path: Path) -> None:
+    """At every posture, and every ten touches of one; not at every touch."""
+    case = hidden(2, kind="cuboid")
+    report = run_program(case, tmp_path)
+    many = len(case.plan)
+    pattern = rf"touch (\d+) of {many}, A(\S+) C(\S+), about (\d+) min left"
+    told = [found for said in report["messages"] if (found := re.search(pattern, said))]
+    numbers = [int(found[1]) for found in told]
+    turned = np.flatnonzero(
+        np.any([np.diff(angle, prepend=np.inf) != 0 for angle in case.plan.rotary_deg.values()], 0)
+    )
+    assert {*(turned + 1).tolist()} <= {*numbers}
+    assert numbers[0] == 1
+    assert np.diff([*numbers, many + 1]).max() <= 10
+    assert len(numbers) <= len(turned) + many / 10
+    for found in told:
+        row = int(found[1]) - 1
+        assert float(found[2]) == pytest.approx(case.plan["a_deg"][row], abs=1e-3)
+        assert float(found[3]) == pytest.approx(case.plan["c_deg"][row], abs=1e-3)
+    left = [int(found[4]) for found in told]
+    assert left == sorted(left, reverse=True)
+    assert any("done, touches are in" in said for said in report["messages"])

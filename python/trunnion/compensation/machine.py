@@ -26,7 +26,7 @@ from trunnion.machine.effects import (
     split_effects,
 )
 from trunnion.machine.estimate import Estimate
-from trunnion.machine.geometry import Geometry
+from trunnion.machine.geometry import Geometry, refuse_other_axes
 from trunnion.setup import Setup
 
 Effects: TypeAlias = Estimate | Mapping[Any, Mapping[str, float]] | None
@@ -122,15 +122,13 @@ class MachineErrors:
                 raise InputError(
                     "effects, placement: got both them and MachineErrors, expected one"
                 )
-            if errors.geometry is not None:
-                errors.geometry.refuse_other(setup)
+            refuse_other_axes(errors, setup)
             return errors
         effects = effects or (errors if isinstance(errors, Estimate) else None)
         estimates = [given for given in (errors, effects) if isinstance(given, Estimate)]
         std_errors = {k: v for given in estimates for k, v in given.std_errors.items()}
         for one in estimates:
-            if one.geometry is not None:
-                one.geometry.refuse_other(setup)
+            refuse_other_axes(one, setup)
         errors = errors.errors if isinstance(errors, Estimate) else errors
         effects = effects.effects if isinstance(effects, Estimate) else effects
         expected = (

@@ -151,6 +151,15 @@ def made_with(setup: Setup, data: object) -> dict[str, Any]:
     }
 
 
+def refuse_other_axes(estimate: Any, setup: Setup) -> None:
+    """Refuse a set-up with other axes than an estimate was made with; one that says none is taken.
+
+    estimate: Anything with a `geometry`, which may be None.
+    """
+    if estimate.geometry is not None:
+        estimate.geometry.refuse_other(setup)
+
+
 def of_one_machine(estimates: Sequence[Any]) -> tuple[str, ...]:
     """Refuse estimates of other axes than those of the first, and say whose frame differs.
 

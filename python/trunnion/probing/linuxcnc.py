@@ -23,6 +23,10 @@ SAME_READING_MM = "0.000000001"
 """Readings of two approaches never agree so far; one that was not renewed agrees exactly."""
 
 
+TELL_EVERY = 10
+"""Touches of one posture between messages: those of each would cover all others of the control."""
+
+
 def program_text(cycle: Cycle) -> str:
     """Return the program of a cycle."""
     parts = (_header, _settings, state, _turn_sub, _touch_sub, _look_sub, _begin, _calls, _finish)
@@ -75,6 +79,7 @@ def _settings(cycle: Cycle) -> Iterator[str]:
     yield f"#<_slow> = {n(plan.slow_feed_mm_min)} (feed of the second pass; 0: one pass)"
     yield f"#<_back_off> = {n(control.back_off_mm)} (before the second pass)"
     yield f"#<_swing> = {n(cycle.swing)} (Z above all that swings)"
+    yield "#<_tell> = 0 (touch from which on one is said again)"
     yield ""
     yield "G21 G17 G40 G80 G90 G94 G61"
     yield control.wcs
@@ -131,9 +136,27 @@ def _turn_sub(cycle: Cycle) -> Iterator[str]:
     yield "  o292 endif"
     yield f"  G0 {plain}"
     yield from own(control.after_turn)
-    yield f"  (DEBUG,%d touch #{number} of {len(cycle.steps)})"
+    yield "  #<_tell> = 0"
     yield "o290 endif"
+    yield from _progress(cycle, f"#{number}")
     yield "o<turn> endsub"
+
+
+def _progress(cycle: Cycle, number: str) -> Iterator[str]:
+    """Say which touch comes, where a posture begins and every `TELL_EVERY` touches of one."""
+    many, minutes = len(cycle.steps), cycle.times()[1] / 60
+    at = " ".join(f"{letter}#<_{letter.lower()}_at>" for letter in cycle.letters)
+    places = max((_decimals(v) for step in cycle.steps for v in step.angles.values()), default=0)
+    yield f"o295 if [{number} GE #<_tell>]"
+    yield f"  #<left> = FUP[{minutes:.2f} * [{many + 1} - {number}] / {many}]"
+    yield f"  (DEBUG,%d touch {number} of {many},%.{places}f {at},%.0f about #<left> min left)"
+    yield f"  #<_tell> = [{number} + {TELL_EVERY}]"
+    yield "o295 endif"
+
+
+def _decimals(value: float) -> int:
+    """Return how many decimals of a position there are."""
+    return len(n(value).partition(".")[2])
 
 
 def _touch_sub(cycle: Cycle) -> Iterator[str]:
@@ -385,4 +408,9 @@ def _finish(cycle: Cycle) -> Iterator[str]:
     yield from own(control.after_turn)
     yield "o431 endif"
     yield from (line.strip() for line in own(control.probe_off))
+    yield "o432 if [#<_dry> EQ 0]"
+    yield f"  (DEBUG,done, touches are in {cycle.log})"
+    yield "o432 else"
+    yield "  (DEBUG,dry run done)"
+    yield "o432 endif"
     yield "M2"

@@ -29,6 +29,14 @@ def stop_if(label: int, condition: str, message: str) -> Iterator[str]:
     yield f"o{label} endif"
 
 
+def fault_if(label: int, condition: str, message: str) -> Iterator[str]:
+    """Say what is not as planned, and count it (``#<faults>``): the check goes on."""
+    yield f"o{label} if [{condition}]"
+    yield f"  (DEBUG, {message})"
+    yield "  #<faults> = [#<faults> + 1]"
+    yield f"o{label} endif"
+
+
 def own(line: str) -> Iterator[str]:
     """Yield a line of the user's, if there is one."""
     if line:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from trunnion.data.frame import MODES, SAME_FRAME_MM
 from trunnion.probing.cycle import Cycle
-from trunnion.probing.linuxcnc_lines import n, stop_if
+from trunnion.probing.linuxcnc_lines import fault_if, n
 from trunnion.setup.control import WORK_OFFSETS
 
 TOLERANCE_MM = 0.01
@@ -29,26 +29,27 @@ def state(cycle: Cycle) -> Iterator[str]:
     yield "(state of the control)"
     yield "#<known> = 1 (whether the frame of the runs before is known)"
     yield "#<restarted> = 0"
+    yield "#<faults> = 0 (what is not as planned; all of it is said before the program stops)"
     yield "o100 if [#<_task> EQ 1]"
     yield "  M66 E0 L0 (waits for all that was commanded)"
     was_on = f"the spindle was on and is stopped, {LOOK_AT_PROBE}"
-    yield from stop_if(130, "#<spindle_was_on> EQ 1", was_on)
+    yield from fault_if(130, "#<spindle_was_on> EQ 1", was_on)
     yield "  o131 if [EXISTS[#<_hal[spindle.0.speed-in]>]]"
     turns = f"ABS[#<_hal[spindle.0.speed-in]>] GT {n(TURNING_PER_S)}"
-    yield from stop_if(132, turns, f"the spindle turns, {LOOK_AT_PROBE}")
+    yield from fault_if(132, turns, f"the spindle turns, {LOOK_AT_PROBE}")
     yield "  o131 endif"
     if control.tool_number:
         number = control.tool_number
         why = f"expected tool {number}, the probe"
-        yield from stop_if(102, f"#5400 NE {number}", f"tool #5400 is in the spindle, {why}")
+        yield from fault_if(102, f"#5400 NE {number}", f"tool #5400 is in the spindle, {why}")
     offsets = " + ".join(f"ABS[#{5211 + i}]" for i in range(9))
-    yield from stop_if(
+    yield from fault_if(
         103, f"[#5210 EQ 1] AND [[{offsets}] GT 0]", "a G92 offset is active, G92.1 cancels it"
     )
-    yield from stop_if(104, f"#{base + 9} NE 0", f"{control.wcs} is rotated by #{base + 9} deg")
+    yield from fault_if(104, f"#{base + 9} NE 0", f"{control.wcs} is rotated by #{base + 9} deg")
     for label, letter in enumerate(cycle.letters, start=105):
         number = base + 3 + "ABC".index(letter)
-        yield from stop_if(
+        yield from fault_if(
             label, f"ABS[#{number}] GT {n(control.rotary_offset_deg + ROUNDED_DEG)}",
             f"{control.wcs} shifts {letter} by #{number} deg, the plan keeps clear of "
             f"{n(control.rotary_offset_deg)}: take it out or state control.rotary_offset_deg and "
@@ -63,11 +64,11 @@ def state(cycle: Cycle) -> Iterator[str]:
     yield f"#<length> = [#<_abs_z> - #5422 - #{base + 2} * #<_unit>]"
     if control.tool_check:
         why = "none is in force by G43, expected that to the centre of the ball"
-        yield from stop_if(101, "#<length> LE 0.001", f"tool length #<length>: {why}")
+        yield from fault_if(101, "#<length> LE 0.001", f"tool length #<length>: {why}")
     if control.centre_mm is not None:
         for i, (axis, value) in enumerate(zip("XYZ", control.centre_mm, strict=True)):
             yield f"#<at> = [#{base + i} * #<_unit>]"
-            yield from stop_if(
+            yield from fault_if(
                 110 + i,
                 f"ABS[#<at> - [{n(value)}]] GT {n(control.centre_tolerance_mm)}",
                 f"{control.wcs} {axis} is #<at> mm, expected {n(value)} as in the set-up",
@@ -75,6 +76,10 @@ def state(cycle: Cycle) -> Iterator[str]:
     if control.tcp_check:
         yield from _identity(CORRECTION_MM if cycle.frame == "corrected" else TOLERANCE_MM)
     yield from _frame(cycle)
+    yield "  o180 if [#<faults> GT 0]"
+    yield "    M66 E0 L0 (the messages are shown before the queue is cleared)"
+    yield "    (ABORT,%d nothing has moved: #<faults> not as planned, see the messages before)"
+    yield "  o180 endif"
     yield "o100 endif"
 
 
@@ -83,7 +88,7 @@ def _identity(tolerance_mm: float) -> Iterator[str]:
     yield "  o121 if [EXISTS[#<_hal[joint.0.pos-cmd]>]]"
     for joint, axis in enumerate("xyz"):
         far = f"ABS[#<_hal[joint.{joint}.pos-cmd]> * #<_unit> - #<_abs_{axis}>]"
-        yield from stop_if(
+        yield from fault_if(
             122 + joint, f"{far} GT {n(tolerance_mm)}",
             f"joint {joint} is not where {axis.upper()} is: {TCP_IS_ON}",
         )  # fmt: skip
@@ -106,15 +111,18 @@ def _wrapped(cycle: Cycle) -> Iterator[str]:
     for i, letter in enumerate(cycle.letters):
         pin, o = f"#<_ini[axis_{letter.lower()}]wrapped_rotary>", 140 + 2 * i
         yield f"o{o} if [EXISTS[{pin}]]"
-        yield from stop_if(
+        yield from fault_if(
             o + 1, f"{pin} NE 0",
             f"WRAPPED_ROTARY of AXIS_{letter} in the INI file: {letter} would turn otherwise than "
             "planned, expected an axis that counts on",
         )  # fmt: skip
         yield f"o{o} endif"
     beyond = " ".join(f"{letter}{n(BEYOND_A_TURN_DEG)}" for letter in cycle.letters)
-    yield f"G92 {beyond} (LinuxCNC refuses this for a wrapped axis; nothing moves)"
-    yield "G92.1"
+    # A G92 that was found in force is left to whoever reads the message.
+    yield "o149 if [#<faults> EQ 0]"
+    yield f"  G92 {beyond} (LinuxCNC refuses this for a wrapped axis; nothing moves)"
+    yield "  G92.1"
+    yield "o149 endif"
 
 
 def frame_names(cycle: Cycle) -> tuple[str, ...]:
@@ -150,7 +158,7 @@ def _frame(cycle: Cycle) -> Iterator[str]:
     for i, name in enumerate(names):
         if before and name not in before:
             continue
-        yield from stop_if(
+        yield from fault_if(
             160 + i, f"ABS[#<frame_{name}> - #<was_{name}>] GT {n(SAME_FRAME_MM)}",
             f"{_called(cycle, name)} is #<frame_{name}>, expected #<was_{name}> as in the run that "
             "this one continues: put it back, or measure from touch 1",

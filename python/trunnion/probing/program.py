@@ -8,7 +8,7 @@ frame (centre of the table top), in mm, with tool length compensation to the cen
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike
@@ -262,33 +262,37 @@ def _frame_before(
     Those that a program of this set-up refuses are refused here: it could never start.
     """
     said = logged_frame(log, named_by)
-    known = ControlFrame.of_words(said)
-    if said.get("wcs", control.wcs) != control.wcs:
-        raise InputError(
-            f"continues: got runs in {said['wcs']}, expected {control.wcs} as in the set-up"
-        )
-    if control.centre_mm is not None and known.place_mm is not None:
+    wcs, mode = said.pop("wcs"), said.pop("mode", frame)
+    if faults := list(_not_as_set_up(ControlFrame.of_words(said), wcs, mode, frame, control)):
+        raise InputError(f"continues: got runs {'; and '.join(faults)}")
+    number = WORK_OFFSETS.index(wcs) + 1
+    return {"wcs": float(number), **{name: float(value) for name, value in said.items()}}
+
+
+def _not_as_set_up(
+    known: ControlFrame, wcs: str, mode: str, frame: Frame, control: ControlSetup
+) -> Iterator[str]:
+    """Say what of the frame of runs before a program of this set-up refuses, all of it."""
+    if wcs != control.wcs:
+        yield f"in {wcs}, expected {control.wcs} as in the set-up"
+    elif control.centre_mm is not None and known.place_mm is not None:
         off = np.abs(np.subtract(known.place_mm, control.centre_mm))
         if off.max() > control.centre_tolerance_mm:
             both = (known.place_mm, control.centre_mm)
             at, stated = (", ".join(f"{v:.10g}" for v in place) for place in both)
-            raise InputError(
-                f"continues: got runs with {control.wcs} at [{at}], expected it within "
+            yield (
+                f"with {control.wcs} at [{at}], expected it within "
                 f"{control.centre_tolerance_mm:g} mm of control.centre_mm = [{stated}] of the "
                 "set-up: was it changed since?"
             )
     for letter, turned in known.turned_deg.items():
         if abs(turned) > control.rotary_offset_deg + ROUNDED_DEG:
-            raise InputError(
-                f"continues: got runs with {letter} shifted by {turned:g} deg, expected at most "
+            yield (
+                f"with {letter} shifted by {turned:g} deg, expected at most "
                 f"control.rotary_offset_deg = {control.rotary_offset_deg:g} of the set-up"
             )
-    if said.pop("mode", frame) != frame:
-        raise InputError(
-            f"continues: got runs with other kinematics than this one ({frame}), expected the same"
-        )
-    number = WORK_OFFSETS.index(said.pop("wcs")) + 1
-    return {"wcs": float(number), **{name: float(value) for name, value in said.items()}}
+    if mode != frame:
+        yield f"with other kinematics ({mode}) than this one ({frame}), expected the same"
 
 
 def _with_measured(cycle: Cycle, plan: Touches, continues: str | PathLike[str] | None) -> Cycle:

@@ -15,6 +15,7 @@ from trunnion.data.frame import COLUMNS
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import split_effects
 from trunnion.machine.estimate import Estimate
+from trunnion.machine.geometry import refuse_other_axes
 from trunnion.machine.sizes import in_other_units
 from trunnion.probing.mistakes import large_errors_named
 from trunnion.probing.model import TouchModel
@@ -94,8 +95,7 @@ def simulate(
     15.0
     """
     if isinstance(errors, Estimate):
-        if errors.geometry is not None:
-            errors.geometry.refuse_other(setup)
+        refuse_other_axes(errors, setup)
         placement = errors.placement if placement is None else placement
         effects = errors.effects if effects is None else effects
         errors = errors.errors
