@@ -170,6 +170,21 @@ def test_a_plan_beyond_the_range_of_an_axis(
     assert len(tn.plan(tn.Setup(artefact=tn.Artefact("cross"), axes={axis: wide}))) == 72
 
 
+def test_all_axes_beyond_their_ranges_are_named_at_once() -> None:
+    """Each plan that was made again found the next axis."""
+    axes = {
+        "X": tn.AxisSetup(range_mm=(-50.0, 300.0)),
+        "A": tn.AxisSetup(range_deg=(-120.0, 30.0)),
+        "Y": tn.AxisSetup(range_mm=(-300.0, 300.0)),
+    }
+    with pytest.raises(tn.DataError) as caught:
+        tn.plan(tn.Setup(artefact=tn.Artefact("cross"), axes=axes))
+    said = str(caught.value)
+    assert said.startswith("plan, touch 7: got a move of X to -56.0")
+    assert "; touch 65: got a move of A to 90 deg, expected -120 to 30 deg as axes.A." in said
+    assert "of Y" not in said
+
+
 @pytest.mark.parametrize(
     ("axis", "limits"),
     [("X", {"range_deg": (0, 1)}), ("A", {"range_mm": (0, 1)}), ("A", {"range_deg": (1, 0)})],

@@ -252,18 +252,22 @@ class Cycle:
         return {axis: (min(found[axis]), max(found[axis])) for axis in order}
 
     def check_ranges(self) -> None:
-        """Refuse moves beyond the ranges of the axes in the set-up."""
+        """Refuse moves beyond the ranges of axes in the set-up: of each its first one."""
         ranges = self.setup.axis_ranges()
+        found: dict[str, str] = {}
         for number, (_, to, _) in self.moves():
             for axis, value in to.items():
                 low, high = ranges.get(axis, (-math.inf, math.inf))
                 if not low <= value <= high:
                     unit = "deg" if axis in "ABC" else "mm"
                     where = f"touch {number}" if number else "the way to the touches and back"
-                    raise DataError(
-                        f"plan, {where}: got a move of {axis} to {value:g} {unit}, expected "
-                        f"{low:g} to {high:g} {unit} as axes.{axis}.range_{unit} of the set-up says"
+                    found.setdefault(
+                        axis,
+                        f"{where}: got a move of {axis} to {value:g} {unit}, expected {low:g} to "
+                        f"{high:g} {unit} as axes.{axis}.range_{unit} of the set-up says",
                     )
+        if found:
+            raise DataError(f"plan, {'; '.join(found.values())}")
 
 
 def _turns(step: Step, at: dict[str, float], sense: dict[str, int]) -> Iterator[dict[str, float]]:
