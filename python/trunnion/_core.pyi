@@ -32,6 +32,7 @@ _Kind: TypeAlias = Literal["linear", "moment", "duration"]
 
 # --- statistics
 __all__ += ["CauseBlocks", "CauseSet", "gains_of_blocks", "linear_fit", "sizes_of_sets"]
+__all__ += ["sums_by_value"]
 
 def linear_fit(
     columns: _Floats, values: _Floats, hold: Sequence[bool], tolerance: float, basis: bool
@@ -42,6 +43,9 @@ def gains_of_blocks(
     gram: _Floats, basis: _Floats, residuals: _Floats, dependent: float
 ) -> tuple[_Floats, _Integers]:
     """Gains of blocks (b, s), and how many columns each adds (b,)."""
+
+def sums_by_value(values: _Integers, count: int, weights: _Floats, columns: _Floats) -> _Floats:
+    """Sums over the readings of each value, of weights (c, n) times columns (n, s)."""
 
 @final
 class CauseSet:

@@ -1,20 +1,22 @@
 """Functions of one covariate, kept for all terms of structure without a name that they make.
 
-Functions of one width (a cosine and a sine; a line and a parabola) that enter the readings by the
-same components are a part. Its columns, each function times each component, are never formed. Of
-many readings neither are jumps: their inner products are sums over the readings behind each.
+A function is kept once for each value of its quantity where values come again and again: products
+with it are those with the sums over the readings of each value. Terms whose functions enter the
+readings by the same components are a part. Their columns, each function times each component, are
+never formed. Of many readings neither are jumps: their inner products are sums over the readings
+behind each.
 """
 
-from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
-from itertools import pairwise
-from typing import Self, TypeAlias
+from dataclasses import dataclass, replace
+from functools import cache, cached_property, partial
+from itertools import accumulate, pairwise, starmap
+from typing import NamedTuple, Self
 
 import numpy as np
 
-from trunnion._core import gains_of_blocks
+from trunnion._core import gains_of_blocks, sums_by_value
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.columns import AT_HAND, AT_ONCE, BATCH_NUMBERS, MIN_ROWS
@@ -44,8 +46,8 @@ class Jumps:
         return cls(np.searchsorted(values, places), len(values))
 
     def made(self) -> Floats:
-        """Return these functions, (m, 1, n)."""
-        return (np.arange(self.count) >= self.first[:, None]).astype(float)[:, None]
+        """Return these functions, (m, n)."""
+        return (np.arange(self.count) >= self.first[:, None]).astype(float)
 
     def add(self, values: Floats, begun: int, between: Floats) -> None:
         """Add values of readings from one on, (r, s), to the sums between jumps, (m + 1, s)."""
@@ -61,282 +63,259 @@ class Jumps:
         return np.asarray(np.cumsum(between[:0:-1], axis=0)[::-1])
 
 
-class Waiting:
-    """Functions of one width that enter by the same components, until there are many.
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Which of its ``count`` values a quantity has at each reading, (n,); -1: none."""
 
-    Few functions at a time cost more to call for than to calculate with.
-    """
+    at: Integers
+    count: int
 
-    def __init__(self, components: Sequence[Floats], some: slice) -> None:
-        self._components, self._some = components, some
-        self._first: list[Integers] = []
-        self._functions: list[Floats] = []
-        self._size = 0
-
-    def add(self, first: Integers, functions: Floats) -> bool:
-        """Add functions (m, k, n), their first terms (m,); whether these are enough for a part."""
-        self._first.append(first)
-        self._functions.append(functions)
-        self._size += functions.size
-        return self._size >= BATCH_NUMBERS
-
-    def made(self) -> "Made":
-        """Return these functions together."""
-        some = self._functions
-        functions = some[0] if len(some) == 1 else np.concatenate(some)
-        return made_of(np.concatenate(self._first), functions, self._components, self._some)
+    def sums(self, columns: Floats) -> Floats:
+        """Sums of columns (n, s) over the readings of each value, (count, s)."""
+        return sums_by_value(self.at[None], self.count, np.ones((1, len(columns))), columns)
 
 
-Made: TypeAlias = tuple[Integers, Floats | Jumps, Floats, slice]
-"""Numbers of the terms, functions and components of a part, and the readings of all these."""
+@dataclass(frozen=True, eq=False)
+class Functions:
+    """Functions (r, d) at the values of a quantity; without ``places`` at each reading, (r, n)."""
 
-
-def made_of(
-    first: Integers, functions: Floats | Jumps, components: Sequence[Floats], some: slice
-) -> Made:
-    """Return functions that enter by components; ``first``: the first term of each, (m,)."""
-    numbers = first[:, None] + np.arange(len(components))
-    return numbers.reshape(-1), functions, np.stack(components), some
-
-
-def part_of(made: Made, every: Integers, n: int, whiten: Whiten) -> "Part":
-    """Return the part of functions, given for some of n readings, whitened."""
-    numbers, functions, components, some = made
-    rows = every[some]
-    sizes = sizes_of(whiten, n)
-    if sizes is not None and not np.any(np.isnan(sizes[rows])):
-        own = components if whiten is identity else components / sizes[rows]
-        if isinstance(functions, Jumps):
-            return JumpPart(numbers, functions, own, some)
-        return FunctionPart(numbers, functions, own, some)
-    f = functions.made() if isinstance(functions, Jumps) else functions
-    k, each = f.shape[1], len(components)
-    white = np.empty((len(numbers), k, len(rows)))
-    most = max(1, BATCH_NUMBERS // (each * k * n))
-    for first in range(0, len(f), most):
-        products = f[first : first + most, None] * components[None, :, None]
-        columns = products.reshape(-1, len(rows)).T
-        full = np.zeros((n, columns.shape[1]))
-        full[rows] = columns
-        done = np.asarray(whiten(full))[rows].T
-        white[each * first : each * (first + most)] = done.reshape(-1, k, len(rows))
-    return FunctionPart(numbers, white, np.ones((1, len(rows))), some)
-
-
-class Part(ABC):
-    """Terms of functions of one width: each function times each component.
-
-    The products are never formed: inner products with them are those of the functions with what the
-    components leave of the other side.
-
-    numbers: Of the terms, by function, then component, (m c,).
-    components: (c, n).
-    some: The readings that these are of; in others all is 0.
-    size, scale: Length of each column, and what makes it 1, (m, c, k).
-    gram: Inner products of the columns of a term, (m c, k, k), of unit length in the end.
-    """
-
-    gram: Floats
-
-    def __init__(self, numbers: Integers, components: Floats, size: Floats, some: slice) -> None:
-        self.numbers, self.components, self.some = numbers, components, some
-        self.size = self.scale = size
+    values: Floats
+    places: Places | None = None
 
     def __len__(self) -> int:
-        return len(self.numbers)
+        return len(self.values)
+
+    def made(self) -> Floats:
+        """Return these functions at each reading, (r, n)."""
+        if self.places is None:
+            return self.values
+        beside = np.zeros((len(self.values), 1))  # of readings without a value
+        return np.concatenate([self.values, beside], axis=1)[:, self.places.at]
+
+
+class Made(NamedTuple):
+    """Functions, and m terms of them of each of some widths k, by their first number.
+
+    Term i is of functions i, m + i, 2 m + i, ... k of them. ``some``: the readings that the
+    functions and the ``ways`` they enter by, c of (n,), are of.
+    """
+
+    functions: Functions | Jumps
+    first: Mapping[int, int]
+    ways: tuple[Floats, ...]
+    some: slice
+
+
+@dataclass(frozen=True, eq=False)
+class Wide:
+    """Terms of one width of a part: each function, (m, k) rows of it, times each component.
+
+    numbers: Of the terms, by function, then component, (m c,).
+    scale: What makes each column of unit length, (m, c, k).
+    gram: Inner products of the columns of a term, of unit length, (m c k, k).
+    """
+
+    rows: Integers
+    numbers: Integers
+    scale: Floats
+    gram: Floats
+
+    @classmethod
+    def of(cls, rows: Integers, numbers: Integers, inner: Floats, least: float) -> "Wide":
+        """Return terms by their inner products, (k (k + 1) / 2, m, c).
+
+        Columns that are no longer than ``least`` are zeros.
+        """
+        k = rows.shape[1]
+        low, high, own = _pairs(k)
+        size = np.sqrt(inner[own].transpose(1, 2, 0))
+        scale = 1.0 / np.where(size > least, size, np.inf)
+        gram = np.ones((*size.shape, k))
+        for i, (a, b) in enumerate(zip(low, high, strict=True)):
+            if a != b:
+                unit = inner[i] * scale[:, :, a] * scale[:, :, b]
+                gram[:, :, a, b] = gram[:, :, b, a] = unit
+        return cls(rows, numbers, scale, gram.reshape(-1, k))
+
+    def products(self, sums: Floats) -> Floats:
+        """Inner products of unit columns (m c k, s), from those of functions (r, c, s)."""
+        own = sums[self.rows].transpose(0, 2, 1, 3) * self.scale[..., None]
+        return np.asarray(own.reshape(-1, sums.shape[2]))
+
+    def gains(self, basis: Floats, residuals: Floats) -> tuple[Floats, Integers]:
+        """Gains (m c, s) and ranks (m c,), by inner products with a basis and residuals."""
+        return gains_of_blocks(self.gram, basis, residuals, DEPENDENT)
+
+
+@cache
+def _pairs(k: int) -> tuple[list[int], list[int], list[int]]:
+    """First and second of all pairs of so many functions, and which pairs are of one.
+
+    Those of fewer functions come first.
+    """
+    high, low = np.tril_indices(k)
+    return low.tolist(), high.tolist(), np.flatnonzero(low == high).tolist()
+
+
+class Part:
+    """Terms of functions that enter the same readings by the same components.
+
+    components: White, (c, n). some: The readings that these are of; in others all is 0.
+    by_reading: Whether the whitener divides each reading by its own noise. Where it does more, it
+    is applied to the columns, and these are the functions.
+    """
+
+    def __init__(
+        self, ways: Sequence[Floats], some: slice, every: Integers, n: int, whiten: Whiten
+    ) -> None:
+        """Have no terms yet; ``every``: the readings, of n, that the dictionary is of."""
+        components, rows, sizes = np.stack(ways), every[some], sizes_of(whiten, n)
+        self.some = some
+        self.by_reading = sizes is not None and not np.any(np.isnan(sizes[rows]))
+        self._white = partial(_white, ways=components, rows=rows, n=n, whiten=whiten)
+        if sizes is None or not self.by_reading:
+            components = np.ones((1, len(rows)))
+        elif whiten is not identity:
+            components = components / sizes[rows]
+        self.components, self._squares = components, components**2
+        self._kept: list[Functions | Jumps] = []
+        self._first = [0]  # function of each, and the count of all
+        self._found: dict[int, list[tuple[Integers, Integers, Floats]]] = {}
+        self._by_value: dict[Places, Floats] = {}
+
+    wide: Sequence[Wide] = ()  # all terms, once they are complete
+
+    def add(self, made: Made, kind: type[np.float32 | np.float64]) -> int:
+        """Add terms, functions kept in this precision; how many numbers more these are."""
+        own = made.functions if self.by_reading else self._white(made.functions)
+        most, begun = max(made.first), self._first[-1]
+        inner = self._inner(own, most)
+        m, each = inner.shape[1], len(self.components)
+        for k, first in made.first.items():
+            rows = np.arange(begun, begun + k * m).reshape(k, m).T
+            numbers = np.arange(first, first + m * each)
+            self._found.setdefault(k, []).append((rows, numbers, inner[: k * (k + 1) // 2]))
+        self._kept.append(own)
+        self._first.append(begun + len(own))
+        self.store(kind)
+        return own.values.size if isinstance(own, Functions) else 0
+
+    def _inner(self, functions: Functions | Jumps, k: int) -> Floats:
+        """Inner products of the columns of each term, by :func:`_pairs`, (k (k + 1) / 2, m, c)."""
+        weights = self._squares.T
+        if isinstance(functions, Jumps):
+            between = np.zeros((len(functions) + 1, weights.shape[1]))
+            functions.add(weights, 0, between)
+            return Jumps.behind(between)[None]
+        if (places := functions.places) is not None:
+            if places not in self._by_value:
+                self._by_value[places] = places.sums(weights)
+            weights = self._by_value[places]
+        low, high, _ = _pairs(k)
+        values = functions.values.reshape(k, -1, len(weights))
+        out = np.zeros((len(low), values.shape[1], weights.shape[1]))
+        most = max(MIN_ROWS, AT_HAND // (len(low) * values.shape[1]))
+        for begun in range(0, len(weights), most):
+            own = values[:, :, begun : begun + most]
+            out += (own[low] * own[high]) @ weights[begun : begun + most]
+        return out
+
+    @property
+    def longest(self) -> float:
+        """Length of the longest column."""
+        own = (x[_pairs(k)[2]] for k, found in self._found.items() for _, _, x in found)
+        return float(np.sqrt(max((x.max(initial=0.0) for x in own), default=0.0)))
+
+    def complete(self, least: float) -> None:
+        """Have all terms, with columns of unit length; zeros where no longer than ``least``."""
+        for found in self._found.values():
+            rows, numbers, inner = zip(*found, strict=True)
+            joined = np.concatenate(rows), np.concatenate(numbers), np.concatenate(inner, axis=1)
+            self.wide = [*self.wide, Wide.of(*joined, least)]
+
+    def store(self, kind: type[np.float32 | np.float64]) -> None:
+        """Keep the functions in this precision."""
+        for i, own in enumerate(self._kept):
+            if isinstance(own, Functions) and own.values.dtype != kind:
+                self._kept[i] = replace(own, values=own.values.astype(kind))
 
     def among(self, terms: int, readings: int) -> Self:
         """Return the same terms behind so many others, in readings behind so many others."""
         new = copy(self)
-        new.numbers = self.numbers + terms
+        new.wide = [replace(x, numbers=x.numbers + terms) for x in self.wide]
         new.some = slice(self.some.start + readings, self.some.stop + readings)
         return new
 
-    @property
-    def width(self) -> int:
-        """Functions of a term."""
-        return int(self.size.shape[2])
+    @cached_property
+    def _values(self) -> tuple[Integers, dict[Places, slice]]:
+        """Values of all quantities whose functions are kept by value, numbered together.
 
-    @property
-    @abstractmethod
-    def kept(self) -> int:
-        """Count of the numbers that are kept."""
+        That of each reading (v, n), and which are of each quantity.
+        """
+        places = (x.places for x in self._kept if isinstance(x, Functions))
+        some = list(dict.fromkeys(x for x in places if x is not None))
+        ends = pairwise(accumulate((x.count for x in some), initial=0))
+        own = dict(zip(some, starmap(slice, ends), strict=True))
+        return np.array([np.where(x.at < 0, -1, x.at + of.start) for x, of in own.items()]), own
 
-    @abstractmethod
-    def serves(self, made: Made) -> bool:
-        """Whether the functions are these very ones."""
+    def products(self, r: Floats) -> list[Floats]:
+        """Inner products of the columns of the terms of each width with r (n, s), (m c k, s)."""
+        own, c, s = r[self.some], len(self.components), r.shape[1]
+        sums = np.zeros((self._first[-1], c * s))
+        kept = [(x, sums[a:b]) for x, (a, b) in zip(self._kept, pairwise(self._first), strict=True)]
+        at, values = self._values
+        if values:
+            count = max(of.stop for of in values.values())
+            by_value = sums_by_value(at, count, self.components, own)
+            for x, out in kept:
+                if isinstance(x, Functions) and x.places is not None:
+                    np.matmul(x.values, by_value[values[x.places]], out=out)
+        self._add_readings(own, [(x, out) for x, out in kept if getattr(x, "places", None) is None])
+        return [x.products(sums.reshape(len(sums), c, s)) for x in self.wide]
 
-    @abstractmethod
-    def store(self, kind: type[np.float32 | np.float64]) -> None:
-        """Keep the functions in this precision, once their products with each other are known."""
-
-    @abstractmethod
-    def block(self, number: int) -> Floats:
-        """Columns of one term, shape (n, k)."""
-
-    def normalise(self, least: float) -> None:
-        """Give the columns unit length, and zeros to those that are no longer than ``least``."""
-        k = self.width
-        self.scale = 1.0 / np.where(self.size > least, self.size, np.inf)
-        for i in range(k):
-            for j in range(i):
-                g = self.gram[:, :, i, j] * self.scale[:, :, i] * self.scale[:, :, j]
-                self.gram[:, :, i, j] = self.gram[:, :, j, i] = g
-        self.gram = self.gram.reshape(-1, k, k)
-
-    def products(self, sums: Floats) -> Floats:
-        """Inner products of unit columns (m c k, s), from those of functions with c s columns."""
-        m, each, k = self.size.shape
-        own = sums.reshape(m, k, each, -1).transpose(0, 2, 1, 3)
-        return np.asarray((own * self.scale[..., None]).reshape(m * each * k, -1))
-
-
-class FunctionPart(Part):
-    """Terms of functions that are kept, (m, k, n)."""
-
-    def __init__(
-        self, numbers: Integers, functions: Floats, components: Floats, some: slice
-    ) -> None:
-        self.functions = functions
-        size = np.sqrt(self._weighted(functions, functions, components**2))
-        super().__init__(numbers, components, size, some)
-
-    @property
-    def kept(self) -> int:
-        """Count of the numbers that are kept."""
-        return int(self.functions.size)
-
-    def serves(self, made: Made) -> bool:
-        """Whether the functions are these very ones."""
-        return self.functions is made[1]
-
-    def store(self, kind: type[np.float32 | np.float64]) -> None:
-        """Keep the functions in this precision, once their products with each other are known."""
-        if not hasattr(self, "gram"):
-            k, squares = self.width, self.components**2
-            self.gram = np.ones((*self.size.shape, k))
-            for i in range(k):
-                for j in range(i):
-                    g = self._weighted(self.functions[:, i], self.functions[:, j], squares)
-                    self.gram[:, :, i, j] = g
-        self.functions = self.functions.astype(kind, copy=False)
-
-    @staticmethod
-    def _weighted(x: Floats, y: Floats, weights: Floats) -> Floats:
-        """Sum over readings of x y (m, ..., n both) times each weight (c, n): (m, c, ...)."""
-        n, count = x.shape[-1], x.size // x.shape[-1]
-        out = np.zeros((count, len(weights)))
-        most = max(MIN_ROWS, AT_HAND // count)
-        for first in range(0, n, most):
-            some = slice(first, first + most)
-            product = np.multiply(x[..., some], y[..., some], order="C")  # reshaped without a copy
-            out += product.reshape(count, -1) @ weights[:, some].T
-        return np.asarray(np.moveaxis(out.reshape(*x.shape[:-1], len(weights)), -1, 1))
-
-    def rows(self, some: slice) -> Floats:
-        """Functions at some of their readings, one a row, (m k, r)."""
-        own = self.functions[:, :, some]
-        return own.reshape(-1, own.shape[2])
-
-    def block(self, number: int) -> Floats:
-        """Columns of one term, shape (n, k)."""
-        f, c = divmod(number, len(self.components))
-        columns = self.functions[f].astype(np.float64) * self.components[c]
-        return np.asarray((columns * self.scale[f, c][:, None]).T)
-
-
-class JumpPart(Part):
-    """Terms of jumps, of which none is made."""
-
-    kept = 0
-
-    def __init__(self, numbers: Integers, jumps: Jumps, components: Floats, some: slice) -> None:
-        self.jumps = jumps
-        between = np.zeros((len(jumps) + 1, len(components)))
-        jumps.add((components**2).T, 0, between)
-        super().__init__(numbers, components, np.sqrt(jumps.behind(between))[:, :, None], some)
-        self.gram = np.ones((*self.size.shape, 1))
-
-    def serves(self, made: Made) -> bool:
-        """Whether the functions are these very ones."""
-        return self.jumps is made[1]
-
-    def store(self, kind: type[np.float32 | np.float64]) -> None:
-        """Nothing is kept."""
-
-    def products(self, sums: Floats) -> Floats:
-        """Inner products of unit columns (m c, s), from sums between jumps of c s columns."""
-        return super().products(self.jumps.behind(sums))
-
-    def block(self, number: int) -> Floats:
-        """Columns of one term, shape (n, 1)."""
-        f, c = divmod(number, len(self.components))
-        column = self.components[c] * self.scale[f, c]
-        column[: self.jumps.first[f]] = 0.0
-        return np.asarray(column[:, None])
-
-
-class Together:
-    """Parts whose functions enter by the same components, and are of the same readings.
-
-    One product for all: its right side is packed anew for each, however few functions it has.
-    """
-
-    def __init__(self, parts: Sequence[Part]) -> None:
-        self._components, self._some = parts[0].components, parts[0].some
-        self._kept = [part for part in parts if isinstance(part, FunctionPart)]
-        self._jumps = [part for part in parts if isinstance(part, JumpPart)]
-        few = self._kept and self._components.shape[1] <= AT_ONCE
-        self._every = self._functions(slice(None)) if few else None  # once for all products
-
-    def _functions(self, some: slice) -> Floats:
-        """Functions of all parts at some of their readings, one a row, in double precision."""
-        return np.concatenate([x.rows(some) for x in self._kept], dtype=np.float64)
-
-    def products(self, r: Floats) -> dict[int, Floats]:
-        """Inner products of all columns with r (n, s), (columns, s) of each part by its id.
+    def _add_readings(self, r: Floats, kept: Sequence[tuple[Functions | Jumps, Floats]]) -> None:
+        """Add products with functions of each reading, and with jumps, to the sums of each.
 
         Some readings at a time, so that functions are made double once for all components.
         """
-        own, width = r[self._some], len(self._components) * r.shape[1]
-        ends = np.cumsum([0, *(part.size.shape[0] * part.width for part in self._kept)])
-        sums = np.zeros((ends[-1], width))
-        between = [np.zeros((len(part.jumps) + 1, width)) for part in self._jumps]
-        for first in range(0, len(own), AT_ONCE):
+        width = len(self.components) * r.shape[1]
+        jumps = [(x, out, np.zeros((len(x) + 1, width))) for x, out in kept if isinstance(x, Jumps)]
+        of_each = [(x.values, out) for x, out in kept if isinstance(x, Functions)]
+        for first in range(0, len(r) if kept else 0, AT_ONCE):
             some = slice(first, first + AT_ONCE)
             # each column in a row of memory: short rows cost more to go through than to multiply
-            each = self._components[:, None, some] * own[some].T
+            each = self.components[:, None, some] * r[some].T
             weighted = each.reshape(width, each.shape[2]).T
-            if self._kept:
-                functions = self._functions(some) if self._every is None else self._every
-                sums += functions @ weighted
-            for part, total in zip(self._jumps, between, strict=True):
-                part.jumps.add(weighted, first, total)
-        parts: list[Part] = [*self._kept, *self._jumps]
-        totals = [*(sums[a:b] for a, b in pairwise(ends)), *between]
-        return {id(x): x.products(total) for x, total in zip(parts, totals, strict=True)}
+            for values, out in of_each:
+                out += values[:, some].astype(np.float64, copy=False) @ weighted
+            for own, _, between in jumps:
+                own.add(weighted, first, between)
+        for own, out, between in jumps:
+            out[:] = own.behind(between)
+
+    def block(self, term: int) -> Floats | None:
+        """Columns of one term, shape (n, k); None: it is not here."""
+        for x in self.wide:
+            for number in np.flatnonzero(x.numbers == term).tolist():
+                f, c = divmod(number, len(self.components))
+                every = int(np.searchsorted(self._first, x.rows[f, 0], side="right")) - 1
+                own = self._kept[every].made()[x.rows[f] - self._first[every]]
+                columns = own.astype(np.float64, copy=False) * self.components[c]
+                return np.asarray((columns * x.scale[f, c][:, None]).T)
+        return None
 
 
-@dataclass(frozen=True)
-class Alike:
-    """Parts of terms of k columns: numbers of the terms (t,), their inner products (t k, k)."""
-
-    parts: Sequence[Part]
-    numbers: Integers
-    gram: Floats
-
-    @classmethod
-    def of_each_width(cls, parts: Sequence[Part]) -> "list[Alike]":
-        """Put parts of the same width together."""
-        by_width: dict[int, list[Part]] = {}
-        for part in parts:
-            by_width.setdefault(part.width, []).append(part)
-        found = []
-        for k, some in by_width.items():
-            gram = np.concatenate([part.gram for part in some]).reshape(-1, k)
-            found.append(cls(some, np.concatenate([part.numbers for part in some]), gram))
-        return found
-
-    def gains(self, basis: Floats, residuals: Floats) -> tuple[Floats, Integers]:
-        """Gains (t, s) and ranks (t,), by inner products with a basis (t k, q) and residuals."""
-        return gains_of_blocks(self.gram, basis, residuals, DEPENDENT)
+def _white(
+    functions: Functions | Jumps, ways: Floats, rows: Integers, n: int, whiten: Whiten
+) -> Functions:
+    """Columns of functions, each times each way (c, n), white: functions of each reading."""
+    f = functions.made()
+    white = np.empty((len(f) * len(ways), len(rows)))
+    most = max(1, BATCH_NUMBERS // (len(ways) * n))
+    for first in range(0, len(f), most):
+        columns = (f[first : first + most, None] * ways).reshape(-1, len(rows)).T
+        full = np.zeros((n, columns.shape[1]))
+        full[rows] = columns
+        begin = first * len(ways)
+        white[begin : begin + columns.shape[1]] = np.asarray(whiten(full))[rows].T
+    return Functions(white)

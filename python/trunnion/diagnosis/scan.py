@@ -9,7 +9,7 @@ goes with.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 from scipy import special
@@ -17,20 +17,10 @@ from scipy import special
 from trunnion.base.resolution import Floor
 from trunnion.base.rotation import cosine_sine
 from trunnion.base.statistics import MANY_ROWS
-from trunnion.base.units import Floats, Integers
+from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.columns import AT_HAND, ROUNDING, storage
 from trunnion.diagnosis.fit import Fit
-from trunnion.diagnosis.functions import (
-    DEPENDENT,
-    Alike,
-    Jumps,
-    Made,
-    Part,
-    Together,
-    Waiting,
-    made_of,
-    part_of,
-)
+from trunnion.diagnosis.functions import DEPENDENT, Functions, Jumps, Made, Part, Places
 from trunnion.diagnosis.model import Covariate, Model
 from trunnion.diagnosis.quantities import Said, at_an_instant, saying, straight
 from trunnion.diagnosis.smooth import over_range, polynomials
@@ -151,11 +141,10 @@ class Dictionary:
                 self._keep(made)
         else:
             self._say()
-        longest = max((float(part.size.max(initial=0.0)) for part in self._parts), default=0.0)
+        longest = max((part.longest for part in self._parts), default=0.0)
         for part in self._parts:
             part.store(storage(self._numbers))
-            part.normalise(ROUNDING * longest)
-        self._complete()
+            part.complete(ROUNDING * longest)
 
     @classmethod
     def of_all(cls, model: Model, whiten: Whiten, known: "Dictionary | None") -> "Dictionary":
@@ -184,29 +173,21 @@ class Dictionary:
                 new._said.append(replace(said, first=new.count + said.first, covariate=v))
             new._parts += [part.among(new.count, at.start) for part in own._parts]
             new.count += own.count
-        new._complete()
         return new
 
     def _begin(self, model: Model, rows: Integers, whiten: Whiten) -> None:
         """Have no terms."""
         self._model, self._rows, self._whiten = model, rows, whiten
-        self._said, self._parts, self._made = [], [], []
+        self._said, self._parts, self._by_ways, self._made = [], [], {}, []
         self._covariates = tuple(model.covariates)
-
-    def _complete(self) -> None:
-        """Have all terms."""
-        shared: dict[tuple[int, bytes], list[Part]] = {}
-        for part in self._parts:
-            shared.setdefault((part.some.start, part.components.tobytes()), []).append(part)
-        self._shared = [Together(parts) for parts in shared.values()]
-        self._alike = Alike.of_each_width(self._parts)
-        self._beside: tuple[Floats, list[Floats]] | None = None
+        self._beside: tuple[Floats, list[list[Floats]]] | None = None
         self._known: dict[int, tuple[Fit, Floats, Integers]] = {}
 
     count = 0
     _said: list[_Terms]
     _parts: list[Part]
-    _made: list[Made]  # where the parts keep these very functions
+    _by_ways: dict[tuple[int, int], Part]
+    _made: list[Made]  # of which these parts consist
     _numbers = 0  # of all functions that are kept
 
     @property
@@ -249,43 +230,43 @@ class Dictionary:
 
     def _say(self) -> None:
         """Make the functions of all covariates, and keep them."""
-        waiting: dict[tuple[int, bool, int], Waiting] = {}
         for x in saying(self._covariates, self._model.components, self._rows):
-            v, enter = x.covariate, x.enter
-            for kind, numbers, f in _functions(x):
-                if not len(f) or (x.said and kind != "jump"):
+            v = x.covariate
+            has = None if v.known is None else v.known[self._rows[x.some]]
+            for functions, terms in _functions(x, has):
+                if not len(functions):
                     continue
-                ways = list(enter)[:1] if kind == "class" else list(enter)
-                self._said.append(_Terms(self.count, v, kind, numbers, ways))
-                first = self.count + len(ways) * np.arange(len(f))
-                self.count += len(ways) * len(f)
-                if isinstance(f, Jumps):
-                    self._keep(made_of(first, f, [enter[way] for way in ways], x.some))
-                    continue
-                f = f if v.known is None else f * v.known[self._rows[x.some]]
-                key = f.shape[1], kind == "class", x.some.start
-                like = waiting.setdefault(key, Waiting([enter[way] for way in ways], x.some))
-                if like.add(first, f):
-                    self._keep(waiting.pop(key).made())
-        for like in waiting.values():
-            self._keep(like.made())
+                ways = list(x.enter)[:1] if v.classes else list(x.enter)
+                first = {}
+                for some in terms:
+                    self._said.append(_Terms(self.count, v, some.kind, some.numbers, ways))
+                    first[some.width] = self.count
+                    self.count += len(self._said[-1])
+                enter = tuple(x.enter[way] for way in ways)
+                self._keep(Made(functions, first, enter, x.some))
 
     def _serves(self, model: Model, rows: Integers, whiten: Whiten) -> bool:
         """Whether the functions are those of a dictionary with these weights."""
         weights = whiten is identity or isinstance(whiten, Scaling)
-        return weights and self._of(model, rows) and len(self._made) == len(self._parts)
+        return weights and self._of(model, rows) and bool(self._made)
 
     def _of(self, model: Model, rows: Integers) -> bool:
         """Whether the terms are of these readings."""
         return model is self._model and np.array_equal(rows, self._rows)
 
     def _keep(self, made: Made) -> None:
-        """Keep functions as a part, whitened, in the precision for so many."""
-        part = part_of(made, self._rows, len(self._model.readings), self._whiten)
-        self._numbers += part.kept
-        part.store(storage(self._numbers))
-        self._made = [*self._made, made] if part.serves(made) else []
-        self._parts.append(part)
+        """Keep terms in the part of their readings and ways, in the precision for so many."""
+        key = made.some.start, len(made.ways)
+        if key not in self._by_ways:
+            n = len(self._model.readings)
+            part = Part(made.ways, made.some, self._rows, n, self._whiten)
+            self._by_ways[key] = part
+            self._parts.append(part)
+        part = self._by_ways[key]
+        kind = storage(self._numbers)
+        self._numbers += part.add(made, kind)
+        again = part.by_reading and kind is np.float64
+        self._made = [*self._made, made] if again else []
 
     @property
     def level(self) -> float:
@@ -319,27 +300,20 @@ class Dictionary:
         gain = np.zeros((self.count, several.shape[1]))
         rank = np.zeros(self.count, dtype=np.intp)
         if self._beside is None or self._beside[0] is not basis:
-            self._beside = (basis, self._products(basis))
-        for alike, t, z in zip(self._alike, self._beside[1], self._products(several), strict=True):
-            gain[alike.numbers], rank[alike.numbers] = alike.gains(t, z)
+            self._beside = (basis, [part.products(basis) for part in self._parts])
+        for part, taken in zip(self._parts, self._beside[1], strict=True):
+            for x, t, z in zip(part.wide, taken, part.products(several), strict=True):
+                gain[x.numbers], rank[x.numbers] = x.gains(t, z)
         return gain.reshape((-1, *r.shape[1:])), rank
-
-    def _products(self, r: Floats) -> list[Floats]:
-        """Inner products of the columns of the terms of each width with r (n, s), (t k, s)."""
-        found: dict[int, Floats] = {}
-        for parts in self._shared:
-            found |= parts.products(r)
-        return [np.concatenate([found[id(x)] for x in alike.parts]) for alike in self._alike]
 
     def block(self, term: int) -> Floats:
         """Columns of a term, shape (n, k)."""
         if term >= self.count:
             return np.concatenate([self.block(i) for i in self.in_each(term)], axis=1)
-        found = ((x, np.flatnonzero(x.numbers == term)) for x in self._parts)
-        part, number = next((part, int(at[0])) for part, at in found if len(at))
-        own = part.block(number)
+        found = ((part.some, part.block(term)) for part in self._parts)
+        some, own = next((some, x) for some, x in found if x is not None)
         out = np.zeros((len(self._rows), own.shape[1]))
-        out[part.some] = own
+        out[some] = own
         return out
 
     def variants(self, term: int) -> Floats:
@@ -365,7 +339,7 @@ class Dictionary:
             columns = local(values, places[:, None], widths[:, None], along.period)[:, None]
         else:
             waves = (high - low) / float(str(of.number)) + WAVES_BETWEEN
-            columns = _waves(np.pi * waves, over_range(values, low, high))
+            columns = _waves(np.pi * waves, over_range(values, low, high)).transpose(1, 0, 2)
         if of.component:
             columns = columns * np.asarray(self._model.components[of.component])
         if along.known is not None:
@@ -413,51 +387,70 @@ def beside_a_term(d: Dictionary, white: Floats, basis: Floats, floor: Floor) -> 
     return float(left[best]), dof - int(rank[best])
 
 
-def _functions(x: Said) -> Iterator[tuple[str, list[object], Floats | Jumps]]:
-    """Functions of one covariate, by kind and width: numbers (m,) and columns (m, k, n).
+class Some(NamedTuple):
+    """Terms of one kind, by their numbers (m,), and the functions of each."""
+
+    kind: str
+    numbers: Sequence[object]
+    width: int = 1
+
+
+def _functions(x: Said, has: Flags | None) -> Iterator[tuple[Functions | Jumps, Sequence[Some]]]:
+    """Functions of one covariate, and their terms; ``has``: readings that have it; None: all.
 
     Of values that come again and again each is made once, but for jumps of many readings.
     """
-    v, distinct = x.covariate, x.distinct
-    if v.classes:
+    if x.covariate.classes:
         labels, index, count = np.unique(x.values, return_inverse=True, return_counts=True)
         if len(labels) > 1:
             # those with the most readings, in their order
             shown = np.sort(np.argsort(-count, kind="stable")[:MAX_CLASSES])
-            columns = (index.reshape(-1) == shown[:, None]).astype(float)
-            yield "class", list(labels[shown]), columns[:, None]
+            place = np.full(len(labels), -1)
+            place[shown] = np.arange(len(shown))
+            at = Places(place[index.reshape(-1)], len(shown))
+            own = Some("class", list(labels[shown]))
+            yield Functions(np.eye(len(shown)), at), [own]
         return
-    few = MAX_ALIKE * len(distinct) < len(x.values)
-    for kind, numbers, f in _functions_at(distinct if few else x.values, x):
-        yield kind, numbers, np.take(f, x.ranks, axis=-1) if few and not isinstance(f, Jumps) else f
+    few = MAX_ALIKE * len(x.distinct) < len(x.values)
+    at = Places(x.ranks if has is None else np.where(has, x.ranks, -1), len(x.distinct))
+    for f, terms in _functions_at(x.distinct if few else x.values, x):
+        if isinstance(f, Jumps):
+            yield f, terms
+            continue
+        f = f.reshape(-1, f.shape[-1])
+        if few:
+            yield Functions(f, at), terms
+        else:
+            yield Functions(f if has is None else f * has), terms
 
 
-def _functions_at(values: Floats, x: Said) -> Iterator[tuple[str, list[object], Floats | Jumps]]:
+def _functions_at(values: Floats, x: Said) -> Iterator[tuple[Floats | Jumps, Sequence[Some]]]:
     """Functions of a covariate at some of its values (n,); jumps of many readings, of all."""
     v, distinct = x.covariate, x.distinct
-    if v.period is not None:
+    if v.period is not None and not x.said:
         turn = 2 * np.pi * values / v.period
         different = len(np.unique(np.round(np.mod(distinct, v.period), 9)))
         orders = np.arange(1, min(HARMONICS, different - 1) + 1)
-        yield "harmonic", list(orders), _waves(orders, turn)
-    if straight(v, distinct):
+        yield _waves(orders, turn), [Some("harmonic", list(orders), 2)]
+    if straight(v, distinct) and not x.said:
         legendre = polynomials(values, distinct, DEGREE).T
-        for k in range(1, len(legendre) + 1):
-            yield "polynomial", [k], legendre[None, :k]
-    if v.period is None:
+        every = range(1, len(legendre) + 1)
+        yield legendre, [Some("polynomial", [k], k) for k in every]
+    if v.period is None and not x.said:
         low, high = distinct[0], distinct[-1]
         waves = np.arange(1.5, min(WAVES, len(distinct) / 3), 0.5)
         made = _waves(np.pi * waves, over_range(values, low, high))
-        yield "wave", list((high - low) / waves), made
+        yield made, [Some("wave", list((high - low) / waves), 2)]
     if v.sequence:
         places = distinct[max(1, len(distinct) // JUMPS) :: max(1, len(distinct) // JUMPS)]
         many = Jumps.at(x.values, places) if v.known is None else None
-        jumps = (values >= places[:, None]).astype(float)[:, None] if many is None else many
-        yield "jump", list(places), jumps
-    if len(x.values) < MANY_ROWS and len(distinct) > 1:
+        jumps = (values >= places[:, None]).astype(float) if many is None else many
+        yield jumps, [Some("jump", list(places))]
+    if len(x.values) < MANY_ROWS and len(distinct) > 1 and not x.said:
         places, widths = _places(v, distinct)
         made = local(values, places[:, None], widths[:, None], v.period)
-        yield "local", list(zip(places.tolist(), widths.tolist(), strict=True)), made[:, None]
+        numbers = list(zip(places.tolist(), widths.tolist(), strict=True))
+        yield made, [Some("local", numbers)]
 
 
 def _places(v: Covariate, distinct: Floats) -> tuple[Floats, Floats]:
@@ -491,10 +484,10 @@ def beside(values: Floats, place: float | Floats, period: float | None) -> Float
 
 
 def _waves(rates: Floats | Integers, x: Floats) -> Floats:
-    """Return cosine and sine of each multiple, shape (m, 2, n)."""
+    """Return the cosine of each multiple, then the sine of each, shape (2, m, n)."""
     if len(rates) * len(x) <= AT_HAND:
-        return cosine_sine(np.multiply.outer(rates, x)).transpose(1, 0, 2)
-    out = np.empty((len(rates), 2, len(x)))
-    for own, rate in zip(out, rates, strict=True):
-        own[:] = cosine_sine(rate * x)
+        return cosine_sine(np.multiply.outer(rates, x))
+    out = np.empty((2, len(rates), len(x)))
+    for i, rate in enumerate(rates):
+        out[:, i] = cosine_sine(rate * x)
     return out

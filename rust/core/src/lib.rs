@@ -48,6 +48,7 @@
 //! | [`touch`] | the reading of a touch, its derivative, simulation |
 //! | [`linear`] | linear least squares, what data do not identify |
 //! | [`beside`] | what blocks of columns gain beside a basis |
+//! | [`by_value`] | sums over readings of the same value of a quantity |
 //! | [`sets`] | sets of causes: what each gains beside the others |
 //! | [`sizes`] | sizes of causes that act together |
 //! | [`identification`] | closed forms, least squares |
@@ -60,6 +61,7 @@
 
 pub mod artefact;
 pub mod beside;
+pub mod by_value;
 pub mod compensation;
 pub mod effects;
 pub mod error;

@@ -2,7 +2,7 @@
 
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
-use trunnion_core::{beside, linear};
+use trunnion_core::{beside, by_value, linear};
 
 use crate::arrays::{array, finite, matrix, matrix_of, rows, vector};
 use crate::errors::IntoPy;
@@ -67,4 +67,26 @@ pub fn gains_of_blocks<'py>(
         beside::Beside { width, gram: &gram, basis: &basis, residuals: &residuals, dependent };
     let (gains, ranks) = blocks.gains(q, s).into_py()?;
     Ok((matrix_of(py, gains, ranks.len(), s)?, PyArray1::from_vec(py, ranks)))
+}
+
+/// Sums over the readings of each of `count` values, of each of c weights (c, n) times each of s
+/// columns (n, s): (count, c s). `values`: number of the value of each reading, of v quantities
+/// (v, n); negative: none.
+#[pyfunction]
+#[allow(clippy::needless_pass_by_value, reason = "pyo3 extracts owned values")]
+pub fn sums_by_value<'py>(
+    py: Python<'py>,
+    values: PyReadonlyArray2<'py, i64>,
+    count: usize,
+    weights: PyReadonlyArray2<'py, f64>,
+    columns: PyReadonlyArray2<'py, f64>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let (n, s) = columns.as_array().dim();
+    let each = weights.as_array().nrows();
+    let weights = rows("weights of readings", &weights, n)?;
+    let columns = rows("columns of readings", &columns, s)?;
+    let values: Vec<i64> = values.as_array().iter().copied().collect();
+    let by = by_value::ByValue { values: &values, readings: n, count };
+    let sums = by.sums(&weights, &columns).into_py()?;
+    matrix_of(py, sums, count, each * s)
 }
