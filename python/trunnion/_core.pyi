@@ -32,7 +32,7 @@ _Kind: TypeAlias = Literal["linear", "moment", "duration"]
 
 # --- statistics
 __all__ += ["CauseBlocks", "CauseSet", "gains_of_blocks", "linear_fit", "sizes_of_sets"]
-__all__ += ["sums_by_value"]
+__all__ += ["local_errors_inside", "sums_by_value"]
 
 def linear_fit(
     columns: _Floats, values: _Floats, hold: Sequence[bool], tolerance: float, basis: bool
@@ -46,6 +46,9 @@ def gains_of_blocks(
 
 def sums_by_value(values: _Integers, count: int, weights: _Floats, columns: _Floats) -> _Floats:
     """Sums over the readings of each value, of weights (c, n) times columns (n, s)."""
+
+def local_errors_inside(values: _Floats, errors: _Floats, period: float | None) -> _Flags:
+    """Which places and widths (m, 2) have several of some distinct values, and some beside them."""
 
 @final
 class CauseSet:

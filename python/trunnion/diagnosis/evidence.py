@@ -34,7 +34,6 @@ from functools import cached_property
 import numpy as np
 from scipy import special
 
-from trunnion._core import sizes_of_sets
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import NAMING_LEVEL
 from trunnion.diagnosis.selection import TINY, Search
@@ -134,7 +133,7 @@ class Evidence:
         least, prior, penalty = (x[blocks] for x in self._assumed)
         rank = c.rank[blocks]
         size, paid = summed(rank), summed(rank * (least > 0))
-        gain, together, each, length = self._sizes(sets)
+        gain, together, each, length = s.sizes(sets, self._assumed[0] > 0)
         rss = np.maximum(s.empty.core.rss - gain, s.score.least)
         sigma = np.sqrt(np.maximum(s.score.floor.noise(rss, c.dof - size), TINY))[of]
         out = s.score.floor.deviance(rss, c.dof) + summed(prior) - together
@@ -150,31 +149,6 @@ class Evidence:
             many = zip(sets, rss.tolist(), size.tolist(), strict=True)
             out = out + [s.contradicting(one, left, int(wide)) for one, left, wide in many]
         return np.asarray(out + _of_unknown_noise(c.dof, paid))
-
-    def _sizes(self, sets: Sequence[tuple[int, ...]]) -> tuple[Floats, Floats, Floats, Floats]:
-        """What sets explain (s,), and how closely they determine the sizes of their causes.
-
-        The latter as logarithms of determinants of covariances: of the sizes of each set together
-        (s,), without causes that have a penalty only, and of those of each block by itself. Last,
-        the length of the sizes of each block. Blocks of all sets one after the other.
-        """
-        s, c = self.search, self.search.c
-        together = sorted({b for one in sets if len(one) > 1 for b in one})
-        used = [*together, *sorted({b for one in sets for b in one}.difference(together))]
-        every = np.concatenate([c.start[b] + np.arange(c.rank[b]) for b in used])
-        gram = np.zeros((len(every), len(every)))
-        if together:  # the columns of a block are orthonormal
-            own = c.gram(together)
-            gram[: len(own), : len(own)] = own
-        place = {b: i for i, b in enumerate(used)}
-        return sizes_of_sets(
-            [[place[b] for b in one] for one in sets],
-            rank=c.rank[used].tolist(),
-            counted=(self._assumed[0][used] > 0).tolist(),
-            gram=gram,
-            residual=s.residual[every],
-            dependent=c.dependent,
-        )
 
     @cached_property
     def _variants(self) -> tuple[Integers, Integers]:

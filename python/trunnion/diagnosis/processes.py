@@ -31,8 +31,12 @@ def processes(case: Case, best: Found) -> list[Beside]:
     A process is weighed as a cause is: it is one among all candidates, along one of the quantities.
     """
     c, plain = case.candidates, case.plain
-    few = len(case.rows) < MANY_ROWS
-    sought = smooth_functions(case.model, case.rows, MAX_QUANTITIES, competing=True) if few else []
+    sought: list[Floats] = []
+    if len(case.rows) < MANY_ROWS:
+        known = case.dictionary.quantities
+        sought = smooth_functions(
+            case.model, case.rows, MAX_QUANTITIES, competing=True, known=known
+        )
     every = [x for x in map(case.white, sought) if not c.makes_any(x, plain.basis)]
     if not every:
         return []

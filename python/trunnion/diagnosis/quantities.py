@@ -21,17 +21,23 @@ MIN_DISTINCT = 5  # values of a quantity, of which a smooth function is more tha
 
 
 def smooth_functions(
-    model: Model, rows: Integers, most: int, *, competing: bool = False
+    model: Model,
+    rows: Integers,
+    most: int,
+    *,
+    competing: bool = False,
+    known: "Iterable[Said] | None" = None,
 ) -> list[Floats]:
     """Polynomials of quantities that an error of some rows may be a smooth function of, (n, m).
 
     0 in other rows. Each times each component; of a measurement none if more than ``most``. No
     angle that comes round, nor what goes with one. ``competing``: only those that may compete with
-    causes.
+    causes. ``known``: what all covariates say of these rows, where that was asked before.
     """
     sought = tuple(v for v in model.covariates if not (competing and v.comes_back))
-    said = saying(sought, model.components, rows)
-    every = [x for x in said if len(x.distinct) >= MIN_DISTINCT and not x.said]
+    if known is None or len(sought) < len(model.covariates):
+        known = saying(sought, model.components, rows)
+    every = [x for x in known if len(x.distinct) >= MIN_DISTINCT and not x.said]
     turns = [x for x in every if not straight(x.covariate, x.distinct)]
     smooth = [
         x

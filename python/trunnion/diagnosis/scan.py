@@ -14,6 +14,7 @@ from typing import NamedTuple, cast
 import numpy as np
 from scipy import special
 
+from trunnion._core import local_errors_inside
 from trunnion.base.resolution import Floor
 from trunnion.base.rotation import cosine_sine
 from trunnion.base.statistics import MANY_ROWS
@@ -39,7 +40,6 @@ JUMPS = 48
 MAX_ALIKE = 2  # readings of a value on average: of more, functions are made once for each value
 WIDTHS = (1 / 4, 1 / 8, 1 / 16)  # of local errors, in turns or ranges
 STEPS_A_WIDTH = 2  # between neighbouring places of a local error
-MIN_VALUES = 2  # of a quantity within the width of a local error: there are more
 BESIDE_PLACE = np.linspace(-0.25, 0.25, 5)  # in widths, around a place of the scan
 TIMES_WIDTH = (0.5, 0.7, 1.0, 1.4)  # the same of widths
 
@@ -123,6 +123,7 @@ class Dictionary:
     whiten: Applied to the columns, which have unit length afterwards.
     known: Dictionary with other weights, whose functions serve again where they are the same.
 
+    quantities: What each covariate says, of few readings of one measurement; else None.
     count: Of the terms. Those in all components at once are numbered after them: what disturbs a
         machine rarely does so along one axis.
     """
@@ -136,7 +137,7 @@ class Dictionary:
     ) -> None:
         self._begin(model, rows, whiten)
         if known is not None and known._serves(model, rows, whiten):
-            self._said, self.count = known._said, known.count
+            self._said, self.count, self.quantities = known._said, known.count, known.quantities
             for made in known._made:
                 self._keep(made)
         else:
@@ -184,6 +185,7 @@ class Dictionary:
         self._known: dict[int, tuple[Fit, Floats, Integers]] = {}
 
     count = 0
+    quantities: Sequence[Said] | None = None
     _said: list[_Terms]
     _parts: list[Part]
     _by_ways: dict[tuple[int, int], Part]
@@ -230,7 +232,10 @@ class Dictionary:
 
     def _say(self) -> None:
         """Make the functions of all covariates, and keep them."""
-        for x in saying(self._covariates, self._model.components, self._rows):
+        every = saying(self._covariates, self._model.components, self._rows)
+        if len(self._rows) < MANY_ROWS:
+            self.quantities = list(every)
+        for x in self.quantities or every:
             v = x.covariate
             has = None if v.known is None else v.known[self._rows[x.some]]
             for functions, terms in _functions(x, has):
@@ -463,10 +468,7 @@ def _places(v: Covariate, distinct: Floats) -> tuple[Floats, Floats]:
     each = [np.arange(0.0, span + w / 4, w / STEPS_A_WIDTH) for w in whole * np.array(WIDTHS)]
     places = distinct[0] + np.concatenate(each)
     widths = np.repeat(whole * np.array(WIDTHS), [len(x) for x in each])
-    off = beside(distinct, places[:, None], v.period) / widths[:, None]
-    inside = np.sum(np.abs(off) <= 0.5, axis=1) > MIN_VALUES
-    inside &= np.any((off > -1.5) & (off < -0.5), axis=1)
-    inside &= np.any((off < 1.5) & (off > 0.5), axis=1)
+    inside = local_errors_inside(distinct, np.column_stack([places, widths]), v.period)
     return places[inside], widths[inside]
 
 

@@ -28,9 +28,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from trunnion._core import CauseBlocks, CauseSet
+from trunnion._core import CauseBlocks, CauseSet, sizes_of_sets
 from trunnion.base.resolution import NO_FLOOR, Floor
-from trunnion.base.units import Floats, Integers
+from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.candidates import Candidates
 
 # "Within 6 of the best": a likelihood ratio of exp(3) = 20.
@@ -262,12 +262,17 @@ class Search:
         none of them makes are each twenty times as large as what they explain. Where something is
         stated of a cause (a certificate), it is as likely as that allows.
         """
-        least = np.inf
-        for mask in sorted(self.known, key=lambda k: self.known[k].score):
-            if self.known[mask].score > least + SETTLED:
-                break
+        least, costs = np.inf, dict[int, float]()
+        order = sorted(self.known, key=lambda k: self.known[k].score)
+        for mask in order:
             f = self.known[mask]
-            more = self._cancelling(f.blocks) + self.contradicting(f.blocks, f.rss, f.columns)
+            if f.score > least + SETTLED:
+                break
+            if mask not in costs:  # of all at once that are about as good
+                near = [k for k in order if f.score <= self.known[k].score <= f.score + SETTLED]
+                found = self._cancelling([self.known[k].blocks for k in near])
+                costs |= dict(zip(near, found.tolist(), strict=True))
+            more = costs[mask] + self.contradicting(f.blocks, f.rss, f.columns)
             if more > 0:
                 self.known[mask] = replace(f, score=float(np.round(f.score + more, SCORE_DIGITS)))
                 self.scores[mask] = self.known[mask].score
@@ -285,10 +290,11 @@ class Search:
         new = copy(self)
         new.known, new.scores, new.made, new.more = {}, {}, {}, {}
         more: dict[int, float] = {}
+        cancelling = dict(zip(scores, self._cancelling([*scores]).tolist(), strict=True))
         for blocks, own in scores.items():
             left = self.built(blocks).core
             rss = max(left.rss, self.score.least)
-            cost = self._cancelling(blocks) + self.contradicting(blocks, rss, left.columns)
+            cost = cancelling[blocks] + self.contradicting(blocks, rss, left.columns)
             mask = sum(self.bits[b] for b in blocks)
             if mask in more and new.scores[mask] <= own + cost:
                 continue
@@ -305,17 +311,44 @@ class Search:
         new.nothing = new.known[0]
         return new
 
-    def _cancelling(self, blocks: Sequence[int]) -> float:
-        """What the sizes of the contributions of a set cost."""
+    def sizes(
+        self, sets: Sequence[Sequence[int]], counted: Flags
+    ) -> tuple[Floats, Floats, Floats, Floats]:
+        """What sets explain (s,), and how closely they determine the sizes of their causes.
+
+        The latter as logarithms of determinants of covariances: of the sizes of each set together
+        (s,), of those blocks that are ``counted`` (b,), and of those of each block by itself. Last,
+        the length of the sizes of each block. Blocks of all sets one after the other.
+        """
         c = self.c
-        if len(blocks) < 2:
-            return 0.0
-        gram, along = self._joined(blocks)
-        solved = np.linalg.lstsq(gram, along, rcond=c.dependent)[0]
-        ends = np.cumsum([c.rank[b] for b in blocks])[:-1]
-        sizes = np.array([float(x @ x) for x in np.split(solved, ends)]) / self.nothing.rss
-        paid = np.array([c.penalty[b] > 0 for b in blocks])
-        return float(np.sum(np.maximum(sizes[paid] - 1.0, 0.0))) / CANCELLING**2
+        together = sorted({b for one in sets if len(one) > 1 for b in one})
+        used = [*together, *sorted({b for one in sets for b in one}.difference(together))]
+        every = np.concatenate([c.start[b] + np.arange(c.rank[b]) for b in used])
+        gram = np.zeros((len(every), len(every)))
+        if together:  # the columns of a block are orthonormal
+            own = c.gram(together)
+            gram[: len(own), : len(own)] = own
+        place = {b: i for i, b in enumerate(used)}
+        return sizes_of_sets(
+            [[place[b] for b in one] for one in sets],
+            rank=c.rank[used].tolist(),
+            counted=counted[used].tolist(),
+            gram=gram,
+            residual=self.residual[every],
+            dependent=c.dependent,
+        )
+
+    def _cancelling(self, sets: Sequence[tuple[int, ...]]) -> Floats:
+        """What the sizes of the contributions of some sets cost, (s,)."""
+        count = np.array([len(one) for one in sets])
+        several = [one for one in sets if len(one) > 1]
+        if not several:
+            return np.zeros(len(sets))
+        lengths = self.sizes(several, np.zeros(len(self.owner), dtype=bool))[3]
+        cancels = np.maximum(lengths**2 / self.nothing.rss - 1.0, 0.0) / CANCELLING**2
+        paid = self.c.penalty[np.concatenate(several)] > 0
+        of = np.repeat(np.flatnonzero(count > 1), count[count > 1])
+        return np.asarray(np.bincount(of, cancels * paid, len(sets)), dtype=np.float64)
 
     def _joined(self, blocks: Sequence[int]) -> tuple[Floats, Floats]:
         """Inner products of the columns of a set of blocks (K, K), and with the residuals (K,)."""

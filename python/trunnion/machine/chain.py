@@ -243,11 +243,12 @@ class Chain:
         known = {canonical_error_name(k): float(v) for k, v in self.setup.machine.errors.items()}
         given: dict[str, float] = {}
         for spelling, value in (errors or {}).items():
-            name = canonical_error_name(spelling)
+            is_one = spelling in self.location_errors
+            name = spelling if is_one else canonical_error_name(spelling)
             if name in given:
                 raise InputError(f"location error {name}: got two spellings, expected it once")
             where = f"location error of machine {self.setup.machine.name}"
-            given[check_error(where, name, self._nominal)] = value
+            given[name if is_one else check_error(where, name, self._nominal)] = value
         return known | given
 
     def catalogue(self) -> tuple[EffectInfo, ...]:

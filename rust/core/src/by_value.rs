@@ -1,4 +1,5 @@
-//! Sums over the readings that have the same value of a quantity.
+//! Values of a recorded quantity: sums over the readings that have the same, and where local errors
+//! have several of them.
 
 use crate::{Error, Result};
 
@@ -55,6 +56,33 @@ impl ByValue<'_> {
     }
 }
 
+/// Least count of values within the width of a local error.
+const WITHIN: usize = 3;
+
+/// Which local errors, by their places and widths, have several values of a quantity in them, and
+/// some on each side: what ends where the readings end is a jump, or slow.
+///
+/// `values`: those that are distinct; `period`: of an angle.
+#[must_use]
+pub fn inside(values: &[f64], errors: &[(f64, f64)], period: Option<f64>) -> Vec<bool> {
+    errors
+        .iter()
+        .map(|&(place, width)| {
+            let (mut within, mut before, mut behind) = (0, false, false);
+            for value in values {
+                let off = value - place;
+                // the short way round
+                let off = period.map_or(off, |turn| off - turn * (off / turn).round_ties_even());
+                let widths = off / width;
+                within += usize::from(widths.abs() <= 0.5);
+                before |= widths > -1.5 && widths < -0.5;
+                behind |= widths > 0.5 && widths < 1.5;
+            }
+            within >= WITHIN && before && behind
+        })
+        .collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -71,5 +99,14 @@ mod tests {
         assert!(ByValue { count: 2, ..by }.sums(&[1.0; 3], &[1.0; 3]).is_err());
         assert_eq!(by.sums(&[1.0; 3], &[])?, [0.0; 0]);
         Ok(())
+    }
+
+    #[test]
+    fn local_errors_have_several_values_and_some_beside_them() {
+        let values = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0];
+        let errors = [(2.0, 2.0), (0.0, 2.0), (2.0, 1.0)];
+        assert_eq!(inside(&values, &errors, None), [true, false, false]);
+        // Round the circle of six there are values on each side of 0, too.
+        assert_eq!(inside(&values, &errors, Some(6.0)), [true, true, false]);
     }
 }

@@ -38,7 +38,7 @@ mod _core {
 
     // --- statistics
     #[pymodule_export]
-    use crate::linear::{gains_of_blocks, linear_fit, sums_by_value};
+    use crate::linear::{gains_of_blocks, linear_fit, local_errors_inside, sums_by_value};
     #[pymodule_export]
     use crate::sets::{CauseBlocks, CauseSet, sizes_of_sets};
 

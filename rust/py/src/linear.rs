@@ -90,3 +90,19 @@ pub fn sums_by_value<'py>(
     let sums = by.sums(&weights, &columns).into_py()?;
     matrix_of(py, sums, count, each * s)
 }
+
+/// Which local errors, by their places and widths (m, 2), have several of the distinct `values` (d,)
+/// of a quantity in them, and some on each side (m,).
+#[pyfunction]
+#[allow(clippy::needless_pass_by_value, reason = "pyo3 extracts owned values")]
+pub fn local_errors_inside<'py>(
+    py: Python<'py>,
+    values: PyReadonlyArray1<'py, f64>,
+    errors: PyReadonlyArray2<'py, f64>,
+    #[pyo3(from_py_with = finite)] period: Option<f64>,
+) -> PyResult<Bound<'py, PyArray1<bool>>> {
+    let values = vector("values", &values)?;
+    let errors = rows("places and widths", &errors, 2)?;
+    let errors: Vec<(f64, f64)> = errors.chunks_exact(2).map(|one| (one[0], one[1])).collect();
+    Ok(PyArray1::from_vec(py, by_value::inside(&values, &errors, period)))
+}
