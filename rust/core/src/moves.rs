@@ -124,8 +124,9 @@ impl Moves<'_> {
             }
         }
         for (row, d) in self.direction.chunks_exact(3).enumerate() {
-            let norm = d[0].hypot(d[1]).hypot(d[2]);
-            if (norm - 1.0).abs() > 1e-6 {
+            let square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+            if (square.sqrt() - 1.0).abs() > 1e-6 {
+                let norm = d[0].hypot(d[1]).hypot(d[2]);
                 let what = format!("length of the approach direction, row {row}");
                 return Err(Error::input(what, norm, "1 within 1e-6"));
             }

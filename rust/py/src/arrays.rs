@@ -8,12 +8,15 @@
 
 use std::borrow::Cow;
 
-use numpy::ndarray::Array2;
+use numpy::ndarray::{Array2, ArrayView2};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use trunnion_core::Error;
 
 use crate::errors::to_py;
+
+/// Numbers that are looked at before one of them may be refused.
+const ASKED_AT_ONCE: usize = 64;
 
 /// Numbers in an argument of Python.
 pub trait Numbers {
@@ -79,10 +82,17 @@ fn check(
     fits: impl Fn(f64) -> bool,
     expected: &str,
 ) -> PyResult<()> {
-    values.iter().position(|&value| !fits(value)).map_or(Ok(()), |at| {
+    misfit(values, fits).map_or(Ok(()), |at| {
         let what = format!("{what}, row {}", at / columns.max(1));
         Err(to_py(&Error::input(what, values[at], expected)))
     })
+}
+
+/// The first number that does not fit: some are asked at a time, without a branch for each.
+fn misfit(values: &[f64], fits: impl Fn(f64) -> bool) -> Option<usize> {
+    let all = |some: &&[f64]| some.iter().fold(true, |all, &value| all & fits(value));
+    let fit = values.chunks(ASKED_AT_ONCE).take_while(all).count() * ASKED_AT_ONCE;
+    values.iter().skip(fit).position(|&value| !fits(value)).map(|at| fit + at)
 }
 
 /// A one-dimensional array of finite numbers as a vector.
@@ -132,7 +142,15 @@ fn of_width<'a>(
         let got = format!("shape ({}, {})", view.nrows(), view.ncols());
         return Err(to_py(&Error::input(what, got, format!("shape (n, {columns})"))));
     }
-    Ok(view.to_slice().map_or_else(|| view.iter().copied().collect(), Cow::Borrowed))
+    Ok(view.to_slice().map_or_else(|| row_after_row(&view), Cow::Borrowed))
+}
+
+fn row_after_row<'a>(view: &ArrayView2<'_, f64>) -> Cow<'a, [f64]> {
+    let mut values = Vec::with_capacity(view.len());
+    for row in view.rows() {
+        values.extend(row);
+    }
+    Cow::Owned(values)
 }
 
 /// Rows of an (n, `columns`) array, of which there may be none: rows of machines without rotary axes.
@@ -142,7 +160,7 @@ pub fn each_row(values: &[f64], columns: usize, n: usize) -> impl Iterator<Item 
 
 /// Numbers that come out are numbers: input beyond double precision is refused here.
 fn no_nan(values: &[f64]) -> PyResult<()> {
-    if values.iter().any(|value| value.is_nan()) {
+    if misfit(values, |value| !value.is_nan()).is_some() {
         let expected =
             "numbers that double precision can hold: the input is too large or too small";
         return Err(to_py(&Error::input("result", "nan", expected)));

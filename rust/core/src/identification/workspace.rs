@@ -8,7 +8,7 @@ use crate::moves::Moves;
 use crate::touch::{MAX_OFF_SURFACE_MM, TouchModel};
 use crate::{Error, Result};
 use nalgebra::linalg::Cholesky;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DMatrixView, DVector, DVectorView};
 
 /// A column shorter than this (mm of reading for one mm or rad of the parameter) is rounding, such
 /// as sin 2c at multiples of 90°, and counts as empty.
@@ -218,19 +218,14 @@ impl Workspace {
     /// changes a step by 1e-10 of itself, which the next step takes back.
     fn normal(&self, values: &[f64], options: &Options) -> Option<Normal> {
         let p = self.p;
-        let mut matrix = DMatrix::<f64>::zeros(p, p);
-        let mut right = DVector::<f64>::zeros(p);
-        let rows = self.jacobian.chunks_exact(p).zip(&self.deviations).zip(&self.weights);
-        for ((row, deviation), weight) in rows {
-            let columns = matrix.as_mut_slice().chunks_exact_mut(p);
-            for (k, (column, slot)) in columns.zip(right.iter_mut()).enumerate() {
-                let factor = weight * row[k];
-                *slot -= factor * deviation;
-                for (entry, value) in column[k..].iter_mut().zip(&row[k..]) {
-                    *entry += factor * value;
-                }
-            }
+        // Each touch is a column of Jᵀ in memory.
+        let transposed = DMatrixView::from_slice(&self.jacobian, p, self.n);
+        let mut weighed = transposed.into_owned();
+        for (mut column, weight) in weighed.column_iter_mut().zip(&self.weights) {
+            column *= *weight;
         }
+        let mut matrix = &weighed * transposed.transpose();
+        let mut right = -(weighed * DVectorView::from_slice(&self.deviations, self.n));
         for prior in &options.priors {
             let (k, weight) = (prior.parameter, (options.sigma / prior.sigma).powi(2));
             matrix[(k, k)] += weight;
