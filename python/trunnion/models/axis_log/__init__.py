@@ -21,7 +21,7 @@ Where two effects look alike:
   the acceleration; a delay in the loop is like a time constant, a stiff structure likewise;
 - a delay of the log is like a gain mismatch of one axis, but shows in all axes;
 - backlash and Coulomb friction both lie on the side that the axis comes from, and differ at
-  reversals only; at one feed a gain mismatch is like backlash: log two feeds;
+  reversals and at the start only; at one feed a gain mismatch is like backlash: log two feeds;
 - a rotary axis out of place is not identifiable from axis positions. It is from the tool tip
   measured in the table's frame (columns ``tip_x_mm``, ``tip_y_mm``, ``tip_z_mm``).
 

@@ -212,9 +212,14 @@ class AxisLogModel(Model):
         for effect in self.effects:
             if effect.id in point.effects:
                 values += np.asarray(effect.change(effect.values([point.effects[effect.id]])))
-        rest = np.zeros((len(self.runs), 2))
-        starts = [point.starts.get(letter, rest).ravel() for letter in self.axes]
-        return replace(self.readings, values=values + self._design @ np.concatenate(starts))
+        return replace(self.readings, values=values + self._design @ self._starts)
+
+    @property
+    def _starts(self) -> Floats:
+        """States at the starts of the runs that the model is about, as the nuisance has them."""
+        starts = {} if self._point is None else self._point.starts
+        rest = np.zeros(2 * len(self.runs))
+        return np.concatenate([np.ravel(starts.get(letter, rest)) for letter in self.axes])
 
     def near(self, *, always: bool = False) -> "AxisLogModel":
         """Return the model about a point near its log; itself where chords are exact enough."""
@@ -239,11 +244,17 @@ class AxisLogModel(Model):
         return Point(amounts, dict(zip(self.axes, starts, strict=True)))
 
     def exact_residuals(self, nuisance: Floats, effects: EffectValues) -> Floats:
-        """Return what a fit leaves when its servo effects are simulated together."""
-        point = self._point_of(nuisance, effects)
+        """Return what a fit leaves when its servo effects are simulated together.
+
+        They are from the states of the runs' starts that the model is about; how far a fit is from
+        these is added as fitted. It is mostly noise, which a loop with friction or play answers
+        otherwise than one without: that speaks against no set of causes.
+        """
+        amounts = self._point_of(nuisance, effects).effects
+        point = Point(amounts, {} if self._point is None else self._point.starts)
         out = self.readings.values - self.predict(nuisance, effects)
-        others = {n: v for n, v in effects.items() if n not in point.effects}
-        added = self.predict(0.0 * nuisance, others)
+        others = {n: v for n, v in effects.items() if n not in amounts}
+        added = self.predict(nuisance - self._starts, others)
         for axis in self._signals.axes:
             out[axis.rows] = self._at(axis, point).deviation() - added[axis.rows]
         return out
