@@ -176,7 +176,7 @@ def _is_gridded_with_units(result: Any) -> None:
         if (unit := unit_of(str(name))) and values.dtype.kind == "f":
             assert values.attrs["units"] == unit
     with tempfile.TemporaryDirectory() as folder:
-        again = xr.load_dataset(result.save(Path(folder) / "a.netcdf"), engine="scipy")
+        again = xr.load_dataset(result.save(Path(folder) / "a.nc"), engine="scipy")
     xr.testing.assert_equal(again, found)
 
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from trunnion.base.checks import optional_module
 from trunnion.base.errors import InputError
 from trunnion.base.input import path_of
-from trunnion.base.output import PROGRAM, WRITTEN, whole_file
+from trunnion.base.output import whole_file
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -116,8 +116,8 @@ class Saved:
         ----------
         path
             ``.json``: everything, to be read back by `from_json`. ``.csv`` and ``.parquet``: the
-            first table. ``.xlsx``: every table, a sheet each. ``.netcdf``: what is on a grid
-            (`to_xarray`). ``.html``: the page of `to_html`.
+            first table. ``.xlsx``: every table, a sheet each. ``.nc`` and ``.netcdf``: what is
+            on a grid (`to_xarray`). ``.html``: the page of `to_html`.
 
         Returns
         -------
@@ -136,17 +136,16 @@ class Saved:
             ".csv": lambda draft: _write_csv(self, draft),
             ".xlsx": lambda draft: _write_workbook(self.sheets(), draft),
             ".parquet": lambda draft: _write_parquet(_first(self.sheets()), draft),
-            ".netcdf": lambda draft: self.to_xarray().to_netcdf(draft, engine="scipy"),
+            **dict.fromkeys(
+                (".nc", ".netcdf"), lambda draft: self.to_xarray().to_netcdf(draft, engine="scipy")
+            ),
             ".json": lambda draft: _own(self, "to_json")(draft, indent=2),
             ".html": lambda draft: _own(self, "to_html")(draft),
         }
         writer = made.get(target.suffix.lower())
         if writer is None:
-            is_program = target.suffix.lower() in WRITTEN[PROGRAM]
             raise InputError(
-                f"{path}: got the ending {target.suffix!r}"
-                f"{', which a control takes for a program' if is_program else ''}, expected one of "
-                f"{', '.join(made)}"
+                f"{path}: got the ending {target.suffix!r}, expected one of {', '.join(made)}"
             )
         with whole_file(target) as draft:
             writer(draft)

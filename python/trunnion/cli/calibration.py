@@ -22,6 +22,7 @@ from trunnion.cli.command import (
     command,
     one_set_up,
     save,
+    save_result,
 )
 from trunnion.cli.program import LogFile, ProbeLog, read_log, save_program
 from trunnion.cli.schema import Of, Printed
@@ -177,7 +178,7 @@ def _planned(
     shown = []
     minutes = 0.0 if planned.time_s is None else float(planned.time_s[-1]) / 60
     if output is not None:
-        shown.append(save(output, planned.save))
+        shown.append(save_result(output, planned))
     if program is not None:
         check_log(log)
         cycle = tn.probing_program(planned, made, log, name=name)
@@ -248,11 +249,11 @@ def simulate(
 
         log = probe_log_of(plan, measured, "simulated")
         said = save(probe_log, lambda path: path.write_text(log, encoding="utf-8"), LOG)
-        more = () if output is None else (save(output, measured.save),)
+        more = () if output is None else (save_result(output, measured),)
         return Answer(values, (f"{len(measured)} touches", said, *more))
     if output is None:
         return Answer(values, (measured.to_csv().rstrip("\n"),))
-    return Answer(values, (f"{len(measured)} touches", save(output, measured.save)))
+    return Answer(values, (f"{len(measured)} touches", save_result(output, measured)))
 
 
 def _plan_and_set_up(files: list[Path]) -> tuple[Setup, Touches]:

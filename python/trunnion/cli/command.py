@@ -117,7 +117,7 @@ class Answer:
         results = [e for e in (self.values, *by_name, *self.shown) if hasattr(e, "save")]
         if not results:
             raise InputError(f"--output: got {path}, expected a name that ends in .json")
-        return save(path, results[0].save)
+        return save_result(path, results[0])
 
     def json(self, command: str = "") -> str:
         """Return `values` as JSON text; with the name of a command, which schema they follow."""
@@ -412,6 +412,19 @@ def save(path: Path, write: Callable[[Path], object], what: str = "") -> str:
     with whole_file(path) as draft:
         write(draft)
     return f"wrote {path}"
+
+
+def save_result(path: Path, result: Any) -> str:
+    """Write a result or data as `save`, as the ending of the name says.
+
+    Raises InputError: the ending is one that a control takes for a program.
+    """
+    if path.suffix.lower() in WRITTEN[PROGRAM]:
+        raise InputError(
+            f"{path}: got the ending {path.suffix!r}, which a control takes for a program, "
+            "expected .csv, .json, .xlsx, .parquet, .netcdf or .html"
+        )
+    return save(path, result.save)
 
 
 def sort_files(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, Output, command, group_of, save, sort_files
+from trunnion.cli.command import Answer, Output, command, group_of, save_result, sort_files
 from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
 from trunnion.cli.schema import Printed
 from trunnion.cli.values import named_values
@@ -160,4 +160,4 @@ def _save_log(
         )
         for i, (feed, name, run) in enumerate(runs)
     ]
-    return save(file, tn.AxisLog.concatenate(logs).save)
+    return save_result(file, tn.AxisLog.concatenate(logs))

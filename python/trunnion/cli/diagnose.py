@@ -10,7 +10,16 @@ import typer
 
 import trunnion as tn
 from trunnion.base.progress import tracked
-from trunnion.cli.command import Answer, Html, Output, check_outputs, command, save, sort_files
+from trunnion.cli.command import (
+    Answer,
+    Html,
+    Output,
+    check_outputs,
+    command,
+    save,
+    save_result,
+    sort_files,
+)
 from trunnion.cli.program import ProbeLog, read_log
 from trunnion.cli.read import said_of
 from trunnion.cli.schema import Of, Printed
@@ -145,7 +154,7 @@ def _next(d: tn.Diagnosis, n: int, output: Path | None) -> tuple[dict[str, Any],
     ]
     if isinstance(d.data, tn.Touches):
         found = tn.expected_discrimination(d, n)
-        shown += [found, save(output or Path("next.csv"), found.plan.save)]
+        shown += [found, save_result(output or Path("next.csv"), found.plan)]
     return {"next_measurements": [one.to_dict() for one in tests]}, shown
 
 
@@ -162,7 +171,7 @@ def _batch(files: list[Path], kind: str, out: Path | None, output: Path | None) 
     said = []
     if out is not None:
         pages = f"{len(reports) or 'no'} page{'' if len(reports) == 1 else 's'}"
-        said = [save(out / "diagnoses.csv", found.save), f"wrote {pages} to {out}"]
+        said = [save_result(out / "diagnoses.csv", found), f"wrote {pages} to {out}"]
     if output is not None:
         said.append(answer.save(output))
     return replace(answer, shown=(found, *said))

@@ -20,6 +20,7 @@ from trunnion.cli.command import (
     command,
     one_set_up,
     save,
+    save_result,
     sort_files,
 )
 from trunnion.cli.schema import Printed
@@ -205,7 +206,7 @@ def touches(
     if output is None:
         return Answer(values, (*(f"# {note}" for note in notes), measured.to_csv().rstrip("\n")))
     said = f"{logged} of {len(planned)} planned touches{missing}"
-    return Answer(values, (*notes, said, save(output, measured.save)))
+    return Answer(values, (*notes, said, save_result(output, measured)))
 
 
 def _following(

@@ -9,7 +9,7 @@ import typer
 
 import trunnion as tn
 from trunnion.base.errors import InputError
-from trunnion.cli.command import Answer, Output, command, save
+from trunnion.cli.command import Answer, Output, command, save_result
 from trunnion.cli.schema import Printed
 
 
@@ -54,7 +54,7 @@ def read(
     )
     shown: list[Any] = [repr(data), data.recognised]
     if output is not None:
-        shown.append(save(output, data.save))
+        shown.append(save_result(output, data))
     return Answer({"rows": len(data), **data.recognised.to_dict()}, tuple(shown))
 
 

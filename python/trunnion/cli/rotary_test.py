@@ -10,7 +10,16 @@ import typer
 import trunnion as tn
 from trunnion.base.input import listed_numbers
 from trunnion.cli.calibration import SetupFile
-from trunnion.cli.command import Answer, Html, Output, command, group_of, one_set_up, save
+from trunnion.cli.command import (
+    Answer,
+    Html,
+    Output,
+    command,
+    group_of,
+    one_set_up,
+    save,
+    save_result,
+)
 from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
 from trunnion.cli.schema import Printed
 from trunnion.cli.values import Angles, exactly
@@ -72,7 +81,7 @@ def plan(
     )
     said: list[Any] = [f"{len(planned)} positions"]
     if output is not None:
-        said.append(save(output, planned.save))
+        said.append(save_result(output, planned))
     return Answer({"positions": len(planned), "columns": list(planned.columns)}, tuple(said))
 
 
