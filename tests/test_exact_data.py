@@ -10,9 +10,11 @@ import pytest
 
 import axis_log_twin
 import ballbar_study
+import from_twin
 import trunnion as tn
 import turning_blind
 from positioning_twin import HIDDEN, axis
+from power import ticks
 from power.measured_twin import (
     POINT_EFFECTS,
     SPACE_EFFECTS,
@@ -25,7 +27,7 @@ from trunnion import contouring as ct
 from trunnion.files.table import Table
 from trunnion.models.kinds import diagnose
 from trunnion.setup import Artefact, Setup
-from twin.forward import Truth
+from twin.forward import LOCATION_ERRORS, PLACEMENT, Truth
 from twin.generator import measure, random_errors, random_placement
 
 
@@ -224,3 +226,25 @@ def test_causes_that_fit_exactly_only_because_they_are_many_are_not_named(
             assert cause.std_errors[name] > 1e-4 * abs(value), cause.id
     for name, std in found.errors_std.items():
         assert abs(found.errors_after[name] - errors.get(name, 0.0)) < 5 * std, name
+
+
+@pytest.mark.parametrize("read", ["no", "commanded", "rounded"])
+@pytest.mark.parametrize("plan", ticks.PLANS)
+def test_a_machine_without_errors_on_a_grid_has_no_cause(plan: str, read: str) -> None:
+    """Its contacts are just at looks of the control, or its coordinates just between two steps."""
+    touched, setup, _, _ = ticks.ground(plan)
+    truth = Truth(dict.fromkeys(LOCATION_ERRORS[setup.preset], 0.0), dict.fromkeys(PLACEMENT, 0.0))
+    for seed in range(2):
+        rng = np.random.default_rng([17, seed])
+        start = ticks.starts(touched, False, rng)
+        if read == "commanded":  # starts that lie back by steps of commands, a tenth of a tick
+            back = 1e-4 * rng.integers(0, 10, len(touched))
+            start = start - back[:, None] * touched.conditions.direction
+        if read == "rounded":
+            positions = ticks.rounded(touched, setup, truth, 0.0, rng)
+        else:
+            positions = ticks.recorded(touched, setup, truth, 0.0, start, rng)
+        stated = from_twin.setup(replace(setup, tick_um=0.0) if read == "rounded" else setup)
+        found = diagnose(ticks.touches(touched, positions), stated)
+        assert found.verdict == "consistent"
+        assert found.none_probability > 0.99

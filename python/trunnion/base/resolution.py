@@ -48,6 +48,7 @@ SAME_PHASE_STEPS = 0.02
 SAME_ROW = 1e-3  # of the largest derivative: the same line of approach
 OFF_EDGE = 0.3141  # so that round numbers do not lie where two cells meet
 MIN_REPEATS = 5  # degrees of freedom from which repeats tell the noise
+AT_EDGE = 1e-6  # of a step: rounding of numbers, where a machine is just between two steps
 TINY = 1e-300
 
 
@@ -245,6 +246,17 @@ class Grid:
         if self.known is not None:
             return self.known.rounding
         return float(np.mean(self.step**2)) / 12
+
+    def read_of(self, off: Floats, rows: Integers) -> bool:
+        """Whether all ``rows`` of one measurement are read so of a machine, without any noise.
+
+        ``off``: Readings less what they would be without steps, (n,). Just between two steps a
+        machine is read as either.
+        """
+        parts = np.ones((len(self.step), 1)) if self.parts is None else np.abs(self.parts)
+        half = (0.5 + AT_EDGE) * self.step * parts.sum(axis=1)
+        inside = (self.step > 0) & (np.abs(off) <= half)
+        return self.known is None and bool(np.all(inside[rows]))
 
     def without(self, bad: Integers) -> "Grid":
         """Return the grid when these readings are left out: they repeat no other."""

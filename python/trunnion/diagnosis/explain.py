@@ -53,7 +53,7 @@ HIDDEN_SIZES = (1.0, 2.0, 4.0)  # times its least size, an effect that may hide 
 def explain(case: Case) -> Explanation:
     """Find the sets of causes, and structure that none of them makes."""
     found = _explained(case)
-    if case.exact(case.plain):  # what is left is rounding: no test of it says anything
+    if _sound(case):  # what is left is rounding: no test of it says anything
         return replace(found, alarm=1.0, probabilities=NOTHING)
     if isinstance(case.whiten, Whiteners) and case.whiten.known:  # some of the readings have noise
         return found
@@ -62,9 +62,14 @@ def explain(case: Case) -> Explanation:
     return (_exactly(case) if near else None) or found
 
 
+def _sound(case: Case) -> bool:
+    """Whether the plain model, or the machine of the set-up, gives the readings as they are."""
+    return case.exact(case.plain) or case.as_described
+
+
 def exactly(case: Case) -> Explanation | None:
     """Explain data without noise; None: they have noise, or no set leaves next to nothing."""
-    if case.exact(case.plain) or case.dependent:
+    if _sound(case) or case.dependent:
         return None
     top = search(case.candidates, case.plain.white, floor=case.floor).top
     left = top.rss
@@ -243,7 +248,7 @@ def _demanded(case: Case) -> tuple[Probabilities, Fit, Alarm]:
             as_read = chance_as_read(case, searched)
             demanded = as_read < level
             alarm.p = min(alarm.p, as_read)
-        if not searched.top.members or case.exact(plain) or not demanded:
+        if not searched.top.members or _sound(case) or not demanded:
             return chances, plain, alarm
         extended = _fit_set(case, candidates, chances.likeliest[0])
         # The probability of readings in steps says by itself whether a cause is there.
