@@ -29,6 +29,7 @@ from trunnion.setup import Setup
 MAX_SETS = 8
 COUNTS = (16, 32, 64, 128)
 PAUSE_S = 60.0
+FIND_MM_MIN = 600.0  # feed at which touches are found, as a plan has it unless another is given
 MIN_CHANCE = 0.9
 
 
@@ -193,7 +194,7 @@ def _pool(model: TouchDiagnosisModel) -> Touches:
     """Every touch that is reachable, timed as if it were done after the measurement."""
     setup = model.setup
     feeds = model.data.feed_mm_min
-    usual = float(np.median(feeds)) if feeds is not None else 600.0
+    usual = float(np.median(feeds)) if feeds is not None else FIND_MM_MIN
     chain = Chain(setup)
     tilting, turning = ((x or "").lower() for x in (chain.tilting, chain.turning))
     tilts = (-90.0, -60.0, -30.0, 30.0, 60.0, 90.0)
@@ -202,8 +203,9 @@ def _pool(model: TouchDiagnosisModel) -> Touches:
     if turning:
         turn[f"{turning}_deg"] = tuple(float(c) for c in range(0, 360, 30))
     free = {letter: replace(x, range_mm=None, range_deg=None) for letter, x in setup.axes.items()}
+    once = replace(setup.plan, slow_feed_mm_min=0.0)  # as they are recorded
     made = plan(
-        replace(setup, axes=free),
+        replace(setup, axes=free, plan=once),
         feeds_mm_min=(usual,) if setup.plan.slow_feed_mm_min else (usual, usual / 3),
         both_senses=True,
         positions_deg=pairs if tilting and turning else (),
@@ -297,6 +299,10 @@ def _ordered(chosen: Touches, old: Touches, setup: Setup) -> Touches:
     """Sort by position of the axes and sense; time runs on as the program needs it."""
     senses = list(chosen.rotary_dir.values())
     out = chosen[np.lexsort([*senses, *chosen.rotary_deg.values()])]
+    slow = setup.plan.slow_feed_mm_min
+    if slow:  # that at which touches are recorded; nothing says at which they were found
+        found = FIND_MM_MIN if slow < FIND_MM_MIN else 2 * slow
+        out = out.with_columns(feed_mm_min=np.full(len(out), found))
     if old.time_s is None:
         return out.with_columns(time_s=None)
     end = float(np.max(np.asarray(old.time_s)))

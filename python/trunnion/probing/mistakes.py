@@ -106,7 +106,8 @@ def likely_mistakes(
     """
     setup, said = model.setup, []
     near = model.values(result.errors, result.placement)
-    of_ticks = tick_mistakes(data, model, moves, near)
+    planned = result.placement is not None and _as_planned(data, model, moves)
+    of_ticks = [] if planned else tick_mistakes(data, model, moves, near)
     by_sight = [*length_doubts(setup), *beside(data)]
     if of_ticks and np.any(ticks_um(setup, data)):  # half of a wrong one is in all the rest
         return (*by_sight, *of_ticks)
@@ -118,7 +119,7 @@ def likely_mistakes(
     # Where the placement is not estimated, it is in the errors.
     if result.placement is not None and not said:
         said += [*_by_size(result, setup), *_higher_or_longer(result, setup)]
-    if result.placement is not None and _as_planned(data, model, moves):
+    if planned:
         said.append(
             "Every touch lies where the set-up expects it, the placement of the artefact included: "
             "is this the plan, not what was measured?"

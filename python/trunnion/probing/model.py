@@ -25,9 +25,9 @@ from trunnion.probing.recorded import (
 from trunnion.setup import Setup
 
 UNKNOWN_TICK = (
-    "if this is the tick of the control, half of it is in EZ0A and the placement: state "
-    "probe.servo_period_ms (or probe.tick_um); if coordinates are only rounded to it: "
-    "probe.resolution_um"
+    "if this is the tick of the control, half of it is in EZ0A and the placement, or in a cause "
+    "(probe_radius, trigger_delay): state probe.servo_period_ms (or probe.tick_um); if coordinates "
+    "are only rounded to it: probe.resolution_um"
 )
 
 
@@ -65,7 +65,8 @@ def seen_steps_um(setup: Setup, touches: Touches) -> Floats:
     steps = steps_um(setup, touches)
     if np.any(steps) or touches.feed_mm_min is None:
         return steps
-    return np.asarray(servo_period_ms(touches) * touches.feed_mm_min / 60)
+    period_ms = servo_period_ms(touches, setup.resolution.linear_um)
+    return np.asarray(period_ms * touches.feed_mm_min / 60)
 
 
 def rounding_um(setup: Setup, touches: Touches) -> float:

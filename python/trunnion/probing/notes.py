@@ -16,12 +16,14 @@ from trunnion.machine.sizes import length_doubts
 from trunnion.probing.design import missing_positions
 from trunnion.probing.mistakes import offsets_along_z
 from trunnion.probing.model import TouchModel
-from trunnion.probing.steps import offset_too, taken_by_offset
+from trunnion.probing.steps import as_recorded, offset_too, taken_by_offset
 from trunnion.setup import Setup
 from trunnion.setup.artefact import HOLDERS
 
 FAST_MM_MIN = 2000.0
 """Feed of an approach above which it is said how far the ball goes on: 0.6 mm at `USUAL_MM_S2`."""
+SIGMA_UM = 0.125
+"""Repeatability of the best probes (1 sigma); rounding to ticks up to twice of it is random."""
 USUAL_MM_S2 = 1000.0
 """Acceleration of linear axes, for an example where the set-up states none."""
 
@@ -60,6 +62,7 @@ def plan_notes(plan: Touches, setup: Setup) -> tuple[str, ...]:
         *assumptions(setup),
         *taken_by_offset(plan, setup),
         *fast_approaches(feeds, setup),
+        *_coarse_commands(plan, setup),
         *_not_identifiable(plan, setup),
     )
 
@@ -79,6 +82,27 @@ def fast_approaches(feeds_mm_min: Sequence[float], setup: Setup) -> list[str]:
         f"Touch {feeds_mm_min.index(feed) + 1} approaches at {feed:g} mm/min: the ball goes on by "
         f"feed^2 / 2 acceleration, {further_mm:.3g} mm{at or ' at'} {stated or USUAL_MM_S2:g} "
         "mm/s^2. The probe must take that. Is its feed_mm_min right?"
+    ]
+
+
+def _coarse_commands(plan: Touches, setup: Setup) -> list[str]:
+    """Say where starts cannot lie between two looks, so that dither does nothing.
+
+    A probe that scatters by half a tick, or more, rounds at random all the same.
+    """
+    probe, step = setup.probe, setup.resolution.linear_um
+    if plan.feed_mm_min is None and probe.servo_period_ms:
+        return []
+    feeds = as_recorded(plan, setup).feed_mm_min
+    ticks = np.asarray(probe.ticks_um(np.zeros(1) if feeds is None else feeds))
+    tick = float(ticks[ticks > 2 * max(probe.repeatability_um, SIGMA_UM)].min(initial=np.inf))
+    if step < tick:
+        return []
+    return [
+        f"The starts lie on steps of {step:g} um ([resolution] linear_um), which are no finer than "
+        f"the tick of {tick:.3g} um: dither does nothing, touches alike round alike, and up to "
+        "half a tick may look like an error of the machine. Finer commands, or a faster feed of "
+        "the measuring pass, would vary the starts within a tick."
     ]
 
 

@@ -99,13 +99,22 @@ def with_starts(plan: Touches, setup: Setup, feed: float | None) -> Touches:
 
 
 def check_feeds_recorded(feeds_mm_min: Sequence[float], setup: Setup) -> None:
-    """Refuse several feeds where every touch is recorded at that of its second pass."""
+    """Refuse several feeds where every touch is recorded at that of its second pass.
+
+    And a feed of the first pass that is no faster: there is nothing to find fast then.
+    """
     slow, feeds = setup.plan.slow_feed_mm_min, sorted(set(feeds_mm_min))
     if slow and len(feeds) > 1:
         raise DataError(
             f"plan: got feeds of {', '.join(f'{feed:g}' for feed in feeds)} mm/min beside [plan] "
             f"slow_feed_mm_min = {slow:g}, at which every touch is recorded; expected one feed, or "
             "slow_feed_mm_min = 0: two feeds tell nothing then"
+        )
+    if slow and feeds and slow >= feeds[0]:
+        raise DataError(
+            f"[plan] slow_feed_mm_min: got {slow:g}, no slower than the plan's feed of "
+            f"{feeds[0]:g} mm/min; expected less (a second, slower pass that measures), or 0: one "
+            "pass. Are the two exchanged?"
         )
 
 

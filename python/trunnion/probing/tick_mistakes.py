@@ -5,16 +5,25 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import fdtrc
 
 from trunnion._core import Moves
 from trunnion.base.errors import TrunnionError
 from trunnion.base.recognition import on_grid, recognised
+from trunnion.base.rounded import log_of
 from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
 from trunnion.machine.sizes import SURE_SIGMAS
 from trunnion.probing.model import TouchModel, rounding_um, steps_um, ticks_um
-from trunnion.probing.recorded import other_period_ms, recorded_um, servo_period_ms
+from trunnion.probing.recorded import (
+    count_of_lines,
+    off_looks_um,
+    other_period_ms,
+    recorded_um,
+    servo_period_ms,
+)
+from trunnion.probing.result import NO_PROBE_UM
 from trunnion.setup import Setup
 
 FAR_LESS = 0.25
@@ -24,8 +33,30 @@ MIN_ROUNDED = 24
 """Touches from which on their scatter tells whether they are rounded."""
 
 SAME_SIZE = 0.25
-MAX_KURTOSIS = 2.3
-"""Of errors of rounding, 1.8, and of noise, 3: what is between."""
+
+SURE_LOG = float(np.log(1e3))
+"""Of odds of two ticks, from which the scatter of touches says which of them it is."""
+
+NOISES = np.geomspace(0.02, 1.5, 30)
+"""Noise beside the rounding that is tried, of the scatter."""
+
+OTHER_SIZE = 1.5
+"""Times a tick, from which another is told from it by what a fit leaves of errors of rounding."""
+
+DOUBT_SIGMAS = 3.0
+"""Of rounding alike along each line, that touches are late by at least."""
+
+MIN_TICK = 0.05
+"""Of the noise, below which a tick makes no difference to it."""
+
+MIN_OFF = 5
+"""Degrees of freedom of ways from which on they tell that they are in no steps."""
+
+MAX_CHANCE = 1e-6
+"""That ways in the steps of a stated tick are off them as far."""
+
+MIN_UM = 1e-6
+"""Scatter that exact readings are taken to have."""
 
 
 def tick_mistakes(data: Touches, plain: TouchModel, moves: Moves, near: Floats) -> list[str]:
@@ -34,22 +65,27 @@ def tick_mistakes(data: Touches, plain: TouchModel, moves: Moves, near: Floats) 
     plain: The model without effects. moves: The touches, as it knows them. near: Values of its
     parameters that fit them to first order, (p,).
     """
-    stated = plain.setup.probe.servo_period_ms
+    stated, commands = plain.setup.probe.servo_period_ms, plain.setup.resolution.linear_um
     steps, ticks = steps_um(plain.setup, data), ticks_um(plain.setup, data)
-    if stated and (period := other_period_ms(data, stated)):
+    if stated and (period := other_period_ms(data, stated, commands)):
         return [
             f"{_as_feeds(period)}, not every {stated:g} ms, of which half was taken off every "
             f"touch: probe.servo_period_ms = {period:.3g}."
         ]
-    if not np.any(steps) and (period := servo_period_ms(data)):
+    if not np.any(steps) and (period := servo_period_ms(data, commands)):
         return [
             f"{_as_feeds(period)}, and touches are {period / 2:.3g} ms late on average, which "
             f"looks like a delay of the trigger: state probe.servo_period_ms = {period:.3g}."
         ]
+    fit = _late(data, plain, moves, near)
+    if fit is None:
+        return []
+    off = np.asarray(plain.core.residuals(moves, plain.values()))
     if np.any(steps) and not np.any(ticks):
-        return _finer_than_stated(data, plain, moves, near)
-    late = _late_by_half_a_tick(data, plain, moves, near)
-    return late or (_finer_than_stated(data, plain, moves, near) if np.any(ticks) else [])
+        return _finer_than_stated(data, plain.setup, fit, off)
+    if np.any(ticks) and (said := _between_looks(data, plain.setup, fit)):
+        return said
+    return _late_by_half_a_tick(data, plain.setup, fit, off)
 
 
 def _as_feeds(period_ms: float) -> str:
@@ -60,108 +96,226 @@ def _as_feeds(period_ms: float) -> str:
     )
 
 
-def _finer_than_stated(data: Touches, plain: TouchModel, moves: Moves, near: Floats) -> list[str]:
-    """Say where readings scatter far less than the stated tick allows, and lie on no grid of it."""
-    setup = plain.setup
-    steps, rounding = steps_um(setup, data), rounding_um(setup, data)
-    off = np.asarray(plain.core.residuals(moves, plain.values()))
+def _finer_than_stated(data: Touches, setup: Setup, fit: _Late, off: Floats) -> list[str]:
+    """Say where readings scatter far less than a stated resolution allows, and lie on no grid.
+
+    off: Readings less those of the machine of the set-up, µm, (n,).
+    """
+    steps, rounding, seen = steps_um(setup, data), rounding_um(setup, data), fit.scatter_um
     if float(np.std(off)) < float(np.max(steps)):  # all may round alike
         return []
-    coordinates = (1e3 * data.position_mm).T
-    if any(on_grid(v / steps, 1.0) for v in (*recorded_um(data), *coordinates, off)):
+    if seen > FAR_LESS * rounding or _on_grid(data, steps, off):
         return []
-    fit = _late(data, plain, moves, near)
-    seen = np.inf if fit is None else float(np.sqrt(np.mean(fit.residuals_um**2)))
-    if seen > FAR_LESS * rounding:
-        return []
-    tick = "servo_period_ms" if setup.probe.servo_period_ms else "tick_um"
-    if not np.any(ticks_um(setup, data)):
-        return [
-            f"The readings scatter by {seen:.2g} µm, far less than rounding to steps of "
-            f"{steps.max():.4g} µm does ({rounding:.2g} µm): is probe.resolution_um right?"
-        ]
     return [
-        f"The readings scatter by {seen:.2g} µm, far less than a tick of {steps.max():.4g} µm "
-        f"allows ({rounding:.2g} µm), half of which was taken off every touch: do they come from a "
-        f"control that latches the position? Then probe.{tick} = 0."
+        f"The readings scatter by {seen:.2g} µm, far less than rounding to steps of "
+        f"{steps.max():.4g} µm does ({rounding:.2g} µm): is probe.resolution_um right?"
     ]
 
 
-def _late_by_half_a_tick(data: Touches, plain: TouchModel, moves: Moves, near: Floats) -> list[str]:
-    """Say where touches are late by half of a tick whose errors of rounding the residuals are.
+def _between_looks(data: Touches, setup: Setup, fit: _Late) -> list[str]:
+    """Say where the ways from the starts are no multiples of the stated tick, with what is.
 
-    Of a stated tick, by half of what it is wrong by, where the residuals are not those of it.
+    What a control adds to the looks of its clock, a scale's noise or the digits of a file, is in
+    the residuals, too: ways off the looks by far more than those scatter are of no such clock,
+    however alike the contacts are.
     """
-    fit = _late(data, plain, moves, near)
-    if fit is None or abs(fit.late) < SURE_SIGMAS * fit.std:
+    stated = ticks_um(setup, data)
+    off_um, freedom = off_looks_um(data, stated)
+    ratio = (off_um / fit.scatter_um) ** 2
+    if freedom < MIN_OFF or ratio < 1 or fdtrc(freedom, fit.freedom, ratio) > MAX_CHANCE:
         return []
-    late, stated = fit.late, ticks_um(plain.setup, data)
-    ticks = stated + 2 * late * (np.asarray(data.feed_mm_min) / 60 if fit.is_delay else 1.0)
-    if not ticks.min() > 0 or any(
-        recognised(v) > SAME_SIZE * ticks.min() for v in recorded_um(data)
-    ):
-        return []  # latched, or the steps themselves are seen
-    if not fit.scatters_as(ticks, data) or fit.scatters_as(stated, data):
-        return []
-    if np.any(stated):
-        return [_another_tick(data, plain.setup, ticks)]
-    if fit.is_delay:
-        return [
-            f"Touches are {late:.3g} ms late on average, and scatter as a control does that looks "
-            f"at the probe every {2 * late:.3g} ms: a servo period that the set-up does not state "
-            f"would do exactly this (probe.servo_period_ms = {2 * late:.2g}), and so would a delay "
-            "of the trigger."
-        ]
+    key, given, unit = _stated_as(setup)
+    ticks = fit.ticks(stated, data)
+    likely = f"Is probe.{key} right (0: the control latches the position at the trip)?"
+    if fit.as_latched(ticks, data):
+        likely = f"Does it latch the position at the trip? Then probe.{key} = 0."
+    elif ticks.min() > 0 and fit.gain(ticks, np.zeros(len(data))) > -SURE_LOG:
+        likely = f"probe.{key} = {_size(ticks, setup, data):.2g} would do this."
     return [
-        f"Touches are {late:.3g} µm late on average, and scatter as a control does that looks at "
-        f"the probe every {2 * late:.3g} µm of the way: a tick that the set-up does not state "
-        f"would do exactly this (probe.tick_um = {2 * late:.2g}, or probe.servo_period_ms); else "
-        "half of it is in a cause (probe_radius, trigger_delay), or in EZ0A and the placement."
+        f"The ways of the touches from their starts are not in steps of the stated tick: they are "
+        f"off by {off_um:.2g} µm (rms), and the readings scatter by {fit.scatter_um:.2g} µm. The "
+        f"control does not look at the probe every {given:g} {unit}, of which half was taken off "
+        f"every touch. {likely}"
     ]
 
 
-def _another_tick(data: Touches, setup: Setup, ticks: Floats) -> str:
-    """Say that the tick is another than stated, ``ticks`` (n,), µm."""
-    probe = setup.probe
-    name, given, size = "tick_um", probe.tick_um, float(np.mean(ticks))
-    if probe.servo_period_ms:
-        assert data.feed_mm_min is not None
-        name, given = "servo_period_ms", probe.servo_period_ms
-        size = float(np.mean(60 * ticks / data.feed_mm_min))
-    unit = name.rsplit("_", 1)[1].replace("um", "µm")
+def _late_by_half_a_tick(data: Touches, setup: Setup, fit: _Late, off: Floats) -> list[str]:
+    """Say where touches are late by half of a tick that their scatter allows.
+
+    Of a stated tick, by half of what it is wrong by. A delay of the trigger and a wrong period make
+    touches late alike; what rounding leaves is as large as the tick, and noise is as it is.
+
+    off: Readings less those of the machine of the set-up, µm, (n,).
+    """
+    if abs(fit.late) < SURE_SIGMAS * fit.std:
+        return []
+    stated = ticks_um(setup, data)
+    ticks = fit.ticks(stated, data)
+    latched = bool(np.any(stated)) and fit.as_latched(ticks, data)
+    if latched:
+        ticks = np.zeros(len(data))
+    elif not ticks.min() > 0:
+        return []
+    finest = float((stated if latched else ticks).min())
+    if _on_grid(data, stated, off) or any(
+        recognised(v) > SAME_SIZE * finest for v in recorded_um(data)
+    ):
+        return []  # the steps themselves are seen
+    # Where contacts differ by less than a tick all may round alike, up to half of it late or early,
+    # and scatter less than it says: that is no sign of a coarser one.
+    alike = float(np.std(off)) < float(stated.max())
+    if alike and np.all(ticks > stated) and fit.scatter_um <= rounding_um(setup, data):
+        return []
+    gain = fit.gain(ticks, stated)
+    sure = gain > SURE_LOG and not _near(ticks, stated)
+    if not sure and (gain < -SURE_LOG or not _is_doubt(data, fit, stated)):
+        return []
+    if not np.any(stated):
+        return [_no_tick_stated(fit, sure=sure)]
+    return [_another_tick(data, setup, fit, ticks, sure=sure and not alike)]
+
+
+def _near(ticks: Floats, stated: Floats) -> bool:
+    """Whether ticks are so near each other that a fit leaves about the same of their rounding."""
+    least, most = np.minimum(ticks, stated), np.maximum(ticks, stated)
+    return bool(np.any(most < OTHER_SIZE * least))
+
+
+def _is_doubt(data: Touches, fit: _Late, stated: Floats) -> bool:
+    """Whether touches are late beyond doubt where their scatter does not say of which tick.
+
+    More than a probe's scatter has other causes. Touches along one line may all round alike.
+    """
+    lines = count_of_lines(data, stated)
+    by_rounding = DOUBT_SIGMAS * float(np.sqrt(np.mean(stated**2) / 12 / lines))
+    late_um = float(np.max(np.abs(fit.ticks(stated, data) - stated))) / 2
+    return fit.before_um <= NO_PROBE_UM and late_um > by_rounding
+
+
+def _no_tick_stated(fit: _Late, *, sure: bool) -> str:
+    """Say that the touches are late as a tick makes them that nothing states."""
+    late = fit.late
+    if fit.is_delay:
+        as_clock = f"a control does that looks at the probe every {2 * late:.3g} ms"
+        scatter = f"scatter as {as_clock}" if sure else f"may scatter as {as_clock}"
+        return (
+            f"Touches are {late:.3g} ms late on average, and {scatter}: a servo period that the "
+            f"set-up does not state would do exactly this (probe.servo_period_ms = {2 * late:.2g}),"
+            " and so would a delay of the trigger."
+        )
+    as_clock = f"a control does that looks at the probe every {2 * late:.3g} µm of the way"
+    scatter = f"scatter as {as_clock}" if sure else f"may scatter as {as_clock}"
+    return (
+        f"Touches are {late:.3g} µm late on average, and {scatter}: a tick that the set-up does "
+        f"not state would do exactly this (probe.tick_um = {2 * late:.2g}, or "
+        "probe.servo_period_ms); else half of it is in a cause (probe_radius, trigger_delay), or "
+        "in EZ0A and the placement."
+    )
+
+
+def _another_tick(data: Touches, setup: Setup, fit: _Late, ticks: Floats, *, sure: bool) -> str:
+    """Say that the tick is another than stated, ``ticks`` (n,), µm; 0: latched; or may be."""
+    key, given, unit = _stated_as(setup)
+    size, stated = _size(ticks, setup, data), ticks_um(setup, data)
+    if not sure:
+        late, by = abs(fit.late), "ms" if fit.is_delay else "µm"
+        clock = f"that looks at the probe every {size:.2g} {unit}" if size else "that latches it"
+        return (
+            f"Half of the stated tick was taken off every touch, and the touches are {late:.3g} "
+            f"{by} {'later' if fit.late > 0 else 'earlier'} than that on average. A delay of the "
+            f"trigger or another radius of the ball does so, and a control {clock} would do "
+            f"exactly this, too: is probe.{key} = {given:g} right, not {size:.2g}?"
+        )
+    if size == 0.0:
+        allowed = rounding_um(setup, data)
+        return (
+            f"The readings scatter by {fit.scatter_um:.2g} µm, far less than a tick of "
+            f"{stated.max():.4g} µm allows ({allowed:.2g} µm), half of which was taken off every "
+            f"touch: do they come from a control that latches the position? Then probe.{key} = 0."
+        )
     return (
         f"Half of the stated tick was taken off every touch, and the touches are off by what is "
         f"half of another, and scatter as a control does that looks at the probe every {size:.2g} "
-        f"{unit}: probe.{name} = {size:.2g} (not {given:g}) would do exactly this."
+        f"{unit}: probe.{key} = {size:.2g} (not {given:g}) would do exactly this."
+    )
+
+
+def _stated_as(setup: Setup) -> tuple[str, float, str]:
+    """Key of the set-up that states the tick, its value and unit."""
+    probe = setup.probe
+    if probe.servo_period_ms:
+        return "servo_period_ms", probe.servo_period_ms, "ms"
+    return "tick_um", probe.tick_um, "µm"
+
+
+def _size(ticks: Floats, setup: Setup, data: Touches) -> float:
+    """Ticks (n,), µm, as the set-up states one: a period, or one of all feeds."""
+    if not setup.probe.servo_period_ms:
+        return float(np.mean(ticks))
+    assert data.feed_mm_min is not None
+    return float(np.mean(60 * ticks / data.feed_mm_min))
+
+
+def _on_grid(data: Touches, steps: Floats, off: Floats) -> bool:
+    """Whether ways, places, coordinates or what they are off the nominal are in these steps."""
+    coordinates = (1e3 * data.position_mm).T
+    return bool(np.all(steps > 0)) and any(
+        on_grid(v / steps, 1.0) for v in (*recorded_um(data), *coordinates, off)
     )
 
 
 @dataclass(frozen=True)
 class _Late:
-    """How late touches are on average, ms or µm, and what a fit with it leaves, by freedom."""
+    """How late touches are on average, ms or µm, and what a fit with it leaves, by freedom.
+
+    before_um: What a fit without it leaves, rms.
+    """
 
     late: float
     std: float
     is_delay: bool
     residuals_um: Floats
+    freedom: int
+    before_um: float
 
-    def scatters_as(self, ticks: Floats, data: Touches) -> bool:
-        """Whether the residuals are errors of rounding to these ticks, (n,) µm, at each feed."""
-        if not ticks.min() > 0:
-            return False
-        left, feed = self.residuals_um / ticks, data.feed_mm_min
-        several = () if feed is None or not self.is_delay else np.unique(feed)
-        groups = [left[feed == f] for f in several] or [left]
-        sizes = np.array([np.sqrt(12 * np.mean(some**2)) for some in groups])
-        kurtosis = float(np.mean(left**4)) / max(float(np.mean(left**2)) ** 2, 1e-300)
-        return bool(np.all(np.abs(sizes - 1) <= SAME_SIZE) and kurtosis <= MAX_KURTOSIS)
+    @property
+    def scatter_um(self) -> float:
+        """Root of the mean square of what is left."""
+        return max(float(np.sqrt(np.mean(self.residuals_um**2))), MIN_UM)
+
+    def ticks(self, stated: Floats, data: Touches) -> Floats:
+        """Ticks (n,), µm, of which touches are half of one late beyond half of the stated one."""
+        return np.asarray(stated + 2 * self.late * self._way_of(data))
+
+    def as_latched(self, ticks: Floats, data: Touches) -> bool:
+        """Whether such ticks are none within their uncertainty."""
+        return bool(np.all(np.abs(ticks) <= 2 * SURE_SIGMAS * self.std * self._way_of(data)))
+
+    def gain(self, ticks: Floats, stated: Floats) -> float:
+        """Logarithm of how many times more probable what is left is with ticks than as stated.
+
+        Each with the noise with which it is most.
+        """
+        return self._log(ticks) - self._log(stated)
+
+    def _log(self, ticks: Floats) -> float:
+        """Logarithm of the probability of errors of rounding to ticks (n,), µm, and of noise."""
+        left, found = self.residuals_um, []
+        for noise in self.scatter_um * NOISES:
+            step = np.maximum(ticks, MIN_TICK * noise)
+            found.append(log_of(left, step, float(noise)) - float(np.log(step).sum()))
+        return max(found)
+
+    def _way_of(self, data: Touches) -> Floats:
+        """How far the ball moves in one of the unit of `late`, µm, (n,)."""
+        feed = data.feed_mm_min
+        return np.asarray(feed) / 60 if self.is_delay else np.ones(len(data))
 
 
 def _late(data: Touches, plain: TouchModel, moves: Moves, near: Floats) -> _Late | None:
-    """Fit by how much touches are late, weighed as ticks; None: too few touches, or off."""
+    """Fit by how much touches are late, weighed by their scatter; None: too few touches, or off."""
     feed = data.feed_mm_min
     is_delay = feed is not None and len(np.unique(feed)) > 1
-    size = np.asarray(feed) / 60 if is_delay else np.ones(len(data))
     effect = "trigger_delay" if is_delay else "probe_radius"
     try:
         model = TouchModel(plain.setup, (effect,), chain=plain.chain)
@@ -169,13 +323,23 @@ def _late(data: Touches, plain: TouchModel, moves: Moves, near: Floats) -> _Late
     except TrunnionError:
         return None
     # What one more cause changes is linear: the touches are fitted without it.
-    alike = linear_fit(jacobian, off)
-    freedom = len(data) - alike.rank
-    if freedom < MIN_ROUNDED or alike.not_identifiable[-1]:
+    fit = linear_fit(jacobian, off)
+    freedom = len(data) - fit.rank
+    if freedom < MIN_ROUNDED or fit.not_identifiable[-1]:
         return None
-    rest = off - jacobian @ alike.solution
-    std = float(alike.std[-1] * np.sqrt(rest @ rest / freedom))
-    weighed = linear_fit(jacobian / size[:, None], off / size) if is_delay else alike
-    left = (off - jacobian @ weighed.solution) * np.sqrt(len(data) / freedom)
-    value = float(weighed.solution[-1])
-    return _Late(value if is_delay else -value, std, is_delay, left)
+    size = np.ones(len(data))
+    if is_delay:  # rounding to ticks, and so the scatter, may be as the feed
+        left = off - jacobian @ fit.solution
+        size = _by_feed(left, np.asarray(feed))
+        fit = linear_fit(jacobian / size[:, None], off / size)
+    rms_um = float(np.sqrt(np.mean(off**2)))
+    left = (off - jacobian @ fit.solution) * np.sqrt(len(data) / freedom)
+    value, std = float(fit.solution[-1]), float(fit.std[-1] * np.sqrt(np.mean((left / size) ** 2)))
+    return _Late(value if is_delay else -value, std, is_delay, left, freedom, rms_um)
+
+
+def _by_feed(left: Floats, feed: Floats) -> Floats:
+    """Scatter (rms) of what is left at the feed of each touch, (n,)."""
+    _, label = np.unique(feed, return_inverse=True)
+    squares = np.bincount(label, left**2) / np.bincount(label)
+    return np.asarray(np.maximum(np.sqrt(squares), MIN_UM)[label])
