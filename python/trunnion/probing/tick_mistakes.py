@@ -166,13 +166,15 @@ def _late_by_half_a_tick(data: Touches, setup: Setup, fit: _Late, off: Floats) -
     alike = float(np.std(off)) < float(stated.max())
     if alike and np.all(ticks > stated) and fit.scatter_um <= rounding_um(setup, data):
         return []
-    gain = fit.gain(ticks, stated)
+    gain, certain = fit.gain(ticks, stated), _beyond_rounding(data, fit, stated)
     sure = gain > SURE_LOG and not _near(ticks, stated)
-    if not sure and (gain < -SURE_LOG or not _is_doubt(data, fit, stated)):
+    # A larger scatter than a probe's has other causes, unless it is what rounding leaves.
+    is_probe = fit.before_um <= NO_PROBE_UM or (gain > 0 and fit.is_of(ticks))
+    if not sure and (gain < -SURE_LOG or not (certain and is_probe)):
         return []
     if not np.any(stated):
         return [_no_tick_stated(fit, sure=sure)]
-    return [_another_tick(data, setup, fit, ticks, sure=sure and not alike)]
+    return [_another_tick(data, setup, fit, ticks, sure=sure and certain and not alike)]
 
 
 def _near(ticks: Floats, stated: Floats) -> bool:
@@ -181,15 +183,11 @@ def _near(ticks: Floats, stated: Floats) -> bool:
     return bool(np.any(most < OTHER_SIZE * least))
 
 
-def _is_doubt(data: Touches, fit: _Late, stated: Floats) -> bool:
-    """Whether touches are late beyond doubt where their scatter does not say of which tick.
-
-    More than a probe's scatter has other causes. Touches along one line may all round alike.
-    """
+def _beyond_rounding(data: Touches, fit: _Late, stated: Floats) -> bool:
+    """Whether touches are later than those that all round alike along each line would be."""
     lines = count_of_lines(data, stated)
     by_rounding = DOUBT_SIGMAS * float(np.sqrt(np.mean(stated**2) / 12 / lines))
-    late_um = float(np.max(np.abs(fit.ticks(stated, data) - stated))) / 2
-    return fit.before_um <= NO_PROBE_UM and late_um > by_rounding
+    return float(np.max(np.abs(fit.ticks(stated, data) - stated))) / 2 > by_rounding
 
 
 def _no_tick_stated(fit: _Late, *, sure: bool) -> str:
@@ -290,6 +288,13 @@ class _Late:
     def as_latched(self, ticks: Floats, data: Touches) -> bool:
         """Whether such ticks are none within their uncertainty."""
         return bool(np.all(np.abs(ticks) <= 2 * SURE_SIGMAS * self.std * self._way_of(data)))
+
+    def is_of(self, ticks: Floats) -> bool:
+        """Whether what is left is as large as errors of rounding to ticks (n,), µm."""
+        if not ticks.min() > 0:
+            return False
+        size = float(np.sqrt(12 * np.mean((self.residuals_um / ticks) ** 2)))
+        return abs(size - 1) <= SAME_SIZE
 
     def gain(self, ticks: Floats, stated: Floats) -> float:
         """Logarithm of how many times more probable what is left is with ticks than as stated.
