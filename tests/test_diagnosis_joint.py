@@ -12,8 +12,9 @@ from typer.testing import CliRunner
 import model_contract as contract
 import trunnion as tn
 from ballbar_study import cartesian_cases
-from ballbar_twin import cartesian_lengths, record
 from positioning_twin import axis
+from power import pairs
+from power.pairs import Causes, hidden_cause, settled, stops, touches
 from power.study import ground
 from promise import kept, needed_runs
 from trunnion.cli import app
@@ -23,58 +24,8 @@ from trunnion.diagnosis.plain import case_of
 from trunnion.models.joint import JointModel
 from trunnion.models.kinds import model_of
 from trunnion.models.parts import Acts
-from twin.forward import Truth
-from twin.generator import measure, random_errors, random_placement
 
 FEWER = 40  # runs of what is only compared
-Rng = np.random.Generator
-Causes = dict[str, dict[str, float]]
-
-MACHINE = ("scale_x", "scale_y", "backlash_x", "backlash_y")
-OWN = ("probe_radius", "artefact_length", "artefact_width", "artefact_expansion")
-NAMES = {
-    "scale": "ppm",
-    "backlash": "b_um",
-    "probe_radius": "dr_um",
-    "artefact_length": "dl_um",
-    "artefact_width": "dw_um",
-    "artefact_expansion": "ppm",
-}
-
-
-def settled(d: tn.Diagnosis, hidden: set[str]) -> bool:
-    """Whether the hidden causes are in every set that is left: nothing can take their place."""
-    return bool(d.alternatives) and all(hidden <= causes for causes in d.alternatives)
-
-
-def hidden_cause(rng: Rng, name: str) -> Causes:
-    sign = rng.choice([-1.0, 1.0])
-    size = rng.uniform(4, 8) if "scale" in name or "expansion" in name else rng.uniform(0.7, 1.2)
-    parameter = NAMES.get(name) or NAMES[name.partition("_")[0]]
-    return {name: {parameter: float(sign * size)}}
-
-
-def touches(rng: Rng, effects: Causes, plan: str = "paper", **more: float) -> tn.Touches:
-    """Touches of the twin; ``more``: location errors."""
-    planned, setup, _, _ = ground(plan)
-    truth = Truth(
-        errors={**random_errors(rng), **more}, placement=random_placement(rng), effects=effects
-    )
-    made = measure(
-        planned, setup, truth, noise_um=0.3, tick_um=0.1, seed=int(rng.integers(1 << 31))
-    )
-    return tn.Touches(made.columns)
-
-
-def stops(rng: Rng, letter: str, effects: Causes) -> tn.Positioning:
-    """Stops of an axis of the same machine: it goes further by its scale, and lags by backlash."""
-    data = axis(rng, noise=0.5)
-    ppm = effects.get(f"scale_{letter}", {}).get("ppm", 0.0)
-    b = effects.get(f"backlash_{letter}", {}).get("b_um", 0.0)
-    error = 1e-3 * ppm * data.target - b / 2 * data.direction
-    return data.with_columns(
-        measured_mm=data.measured + 1e-3 * error, axis=[letter.upper()] * len(data)
-    )
 
 
 def test_what_touches_alone_leave_open_is_settled_by_positioning() -> None:
@@ -84,53 +35,28 @@ def test_what_touches_alone_leave_open_is_settled_by_positioning() -> None:
     right = alone = blamed = 0
     for k in range(runs):
         rng = np.random.default_rng([31, k])
-        name = str(rng.choice(MACHINE))
-        effects = hidden_cause(rng, name)
-        probed = touches(rng, effects)
-        found = tn.diagnose([probed, *(stops(rng, a, effects) for a in "xy")], setup)
-        right += settled(found, {name})
+        data, hidden = pairs.scaled_or_slack(rng)
+        right += settled(tn.diagnose(data, setup), hidden)
         if k >= FEWER:
             continue
-        alone += settled(tn.diagnose(probed, setup), {name})
-        own = {
-            k: v for name in OWN for k, v in hidden_cause(rng, name).items() if rng.random() < 0.4
-        }
-        other = tn.diagnose([touches(rng, own), *(stops(rng, a, {}) for a in "xy")], setup)
+        alone += settled(tn.diagnose(data[0], setup), hidden)
+        other = tn.diagnose(pairs.of_probe_or_artefact(rng)[0], setup)
         blamed += any(":" not in cause for cause in other.named)
     assert kept(right, runs, 0.95)
     assert alone < 0.6 * FEWER
     assert blamed <= 2
 
 
-def bar(rng: Rng, ppm: float, longer_um: float) -> tn.Ballbar:
-    """An XY circle of a machine with this scale of X and Y, by a bar that is longer than stated."""
-    spot = rng.uniform(-200, 200, 3)
-    rec = record(spot, step_deg=8.0, arcs=(("XY", 0, 360),))
-    error = 1e-6 * ppm * (rec.points - spot) * [1.0, 1.0, 0.0]
-    lengths = cartesian_lengths(rec, rng, sigma_um=0.3, motion=lambda _: error)
-    return tn.Ballbar(
-        setup=rec.setup,
-        x_mm=rec.points[:, 0],
-        y_mm=rec.points[:, 1],
-        length_mm=lengths + 1e-3 * longer_um,
-        sense=rec.sense,
-        time_s=rec.time_s,
-    )
-
-
 def test_a_long_bar_and_a_long_machine_look_alike_until_the_axes_are_measured() -> None:
     runs, right = needed_runs(0.95), 0
     for k in range(runs):
-        rng = np.random.default_rng([32, k])
-        of_machine = k % 2
-        size = float(rng.uniform(10, 30) * rng.choice([-1, 1]))
-        data = bar(rng, size, 0.0) if of_machine else bar(rng, 0.0, 0.15 * size)
-        scale: Causes = {f"scale_{a}": {"ppm": size * of_machine} for a in "xy"}
-        found = tn.diagnose([data, *(stops(rng, a, scale) for a in "xy")])
-        expected = {"scale_x", "scale_y"} if of_machine else {"ballbar:ballbar_length"}
-        right += settled(found, expected)
+        of_machine = bool(k % 2)
+        data, hidden = pairs.long_bar_or_machine(
+            np.random.default_rng([32, k]), of_machine=of_machine
+        )
+        right += settled(tn.diagnose(data), hidden)
         if k < 6 and of_machine:
-            assert tn.diagnose(data).named == {"ballbar_length"}
+            assert tn.diagnose(data[0]).named == {"ballbar_length"}
     assert kept(right, runs, 0.95)
 
 

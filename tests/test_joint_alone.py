@@ -35,7 +35,8 @@ def test_a_measurement_leaves_what_its_diagnosis_says(kind: str) -> None:
 
 def test_several_are_fitted_once_by_the_noise_of_each() -> None:
     """Residuals that weigh by their noise are orthogonal to what is fitted; others are not."""
-    (first, loud), setup = drawn(("touches", "touches"), 0, 84)
+    made = drawn(("touches", "touches"), 0, 84)
+    (first, loud), setup = made.data, made.setup
     rng = np.random.default_rng(84)
     columns = {f"{a}_mm": loud[f"{a}_mm"] + 1e-2 * rng.normal(size=len(loud)) for a in "xyz"}
     model = model_of([first, loud.with_columns(**columns)], setup)

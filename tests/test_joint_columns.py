@@ -58,7 +58,8 @@ def test_a_joint_model_gives_what_acts_in_one_part_by_its_readings() -> None:
 
 
 def test_structure_of_several_measurements_is_that_of_each() -> None:
-    model = model_of(*drawn(("touches", "sweep"), 0, 43))
+    measured = drawn(("touches", "sweep"), 0, 43)
+    model = model_of(measured.data, measured.setup)
     assert isinstance(model, JointModel)
     assert any(part.dictionary is part.terms for part in model.parts)
     case = case_of(model)

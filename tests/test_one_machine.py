@@ -20,8 +20,8 @@ def test_measurements_of_one_machine_show_its_errors(
     rng = np.random.default_rng(43)
     errors = random_errors(rng)
     machine = one_machine.Machine(errors, {"scale_x": {"ppm": 60.0}}, seed=44)
-    for data, setup in one_machine.MEASURED[kind](machine, rng, 2):
-        d = tn.diagnose(data, setup)
-        cause = next(one for one in d.causes if one.id in {"scale", "scale_x"})
+    for one in one_machine.MEASURED[kind](machine, rng, 2):
+        d = tn.diagnose(one.data, one.setup)
+        cause = next(c for c in d.causes if c.id in {"scale", "scale_x"})
         (found,), (std,) = cause.parameters.values(), cause.std_errors.values()
         assert abs(found - 60.0) < 4 * std < 30.0

@@ -21,43 +21,21 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import trunnion as tn
-from power.one_machine import drawn
+from power.one_machine import TOGETHER, drawn
 from power.random_cases import draw
 
-JOINT: tuple[tuple[str, ...], ...] = (
-    ("touches", "touches"),
-    ("touches", "points"),
-    ("touches", "sweep"),
-    ("touches", "ballbar"),
-    ("touches", "positioning", "positioning"),
-    ("touches", "axislog"),
-    ("touches", "ballbar", "positioning", "positioning"),
-    ("touches", "points", "sweep"),
-    ("points", "points"),
-    ("points", "ballbar"),
-    ("points", "diameters"),
-    ("sweep", "sweep"),
-    ("sweep", "positioning"),
-    ("diameters", "positioning"),
-    ("ballbar", "ballbar"),
-    ("ballbar", "positioning", "positioning"),
-    ("hybrid ballbar", "hybrid ballbar"),
-    ("hybrid ballbar", "positioning"),
-    ("positioning", "positioning"),
-    ("positioning", "axislog"),
-)
 APART = 1000  # numbers between the cases of a joint one
 
 
 def apart(kinds: tuple[str, ...], number: int, seed: int) -> tuple[list[Any], Any]:
     """Draw a measurement of each kind, each of a machine of its own, and the set-up of all."""
     numbers = [number + (0 if kind == "axislog" else APART * i) for i, kind in enumerate(kinds)]
-    drawn = [draw(kind, n, seed) for kind, n in zip(kinds, numbers, strict=True)]
-    setups = {kind: one.setup for kind, one in zip(kinds, drawn, strict=True) if one.setup}
+    made = [draw(kind, n, seed) for kind, n in zip(kinds, numbers, strict=True)]
+    setups = {kind: one.setup for kind, one in zip(kinds, made, strict=True) if one.setup}
     setup: Any = next(iter(setups.values()), None)
     if "axislog" in setups:
         setup = dataclasses.replace(setup, servo=setups["axislog"].servo)
-    return [one.data for one in drawn], setup
+    return [one.data for one in made], setup
 
 
 def read(data: Any, setup: Any) -> None:
@@ -90,10 +68,13 @@ def main() -> None:
             ask.error(f"{name}: got {os.environ.get(name)}, expected 1 (make bench-joint)")
     print(f"{'measurements':44} {'one by one':>10} {'together':>10}   ratio")
     ratios, spent = [], [0.0, 0.0]
-    measured = apart if given.apart else drawn
-    for kinds in JOINT:
+    for kinds in TOGETHER:
         for number in range(given.cases):
-            data, setup = measured(kinds, number, given.seed)
+            if given.apart:
+                data, setup = apart(kinds, number, given.seed)
+            else:
+                made = drawn(kinds, number, given.seed)
+                data, setup = made.data, made.setup
             alone = sum(least(partial(read, one, setup), given.rounds) for one in data)
             together = least(partial(read, data, setup), given.rounds)
             ratios.append(together / alone)

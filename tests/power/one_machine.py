@@ -7,7 +7,7 @@ measurements an error is hidden that is no cause of the catalogue.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -42,10 +42,59 @@ TWO_OF = {"xyz": ("xy", "xz", "yz"), "xy": ("xy",)}
 OWN_SHARE = 0.5
 BAR_NOISE_UM, HYBRID_NOISE_UM = 0.3, 0.5
 NEARLY_NONE_UM = 1e-6
+NO_SHARES: Mapping[str, float] = {}
+TOGETHER: tuple[tuple[str, ...], ...] = (
+    ("touches", "touches"),
+    ("touches", "points"),
+    ("touches", "sweep"),
+    ("touches", "ballbar"),
+    ("touches", "positioning", "positioning"),
+    ("touches", "axislog"),
+    ("touches", "ballbar", "positioning", "positioning"),
+    ("touches", "points", "sweep"),
+    ("points", "points"),
+    ("points", "ballbar"),
+    ("points", "diameters"),
+    ("sweep", "sweep"),
+    ("sweep", "positioning"),
+    ("diameters", "positioning"),
+    ("ballbar", "ballbar"),
+    ("ballbar", "positioning", "positioning"),
+    ("hybrid ballbar", "hybrid ballbar"),
+    ("hybrid ballbar", "positioning"),
+    ("positioning", "positioning"),
+    ("positioning", "axislog"),
+)
+"""Kinds of measurements that are made of one machine."""
 BALLBAR_OWN = tuple(
     name for name in ballbar_study.CARTESIAN if name not in {"scale", "squareness", "backlash"}
 )
 POSITIONING_OWN = ("cycle_drift", "curve", "drift", "warmup", "periodic", "reversal_of_position")
+
+
+@dataclass(frozen=True)
+class Made:
+    """One measurement: what was read, its set-up, its kind's own causes, and if it hides more."""
+
+    data: Any
+    setup: Any = None
+    own: frozenset[str] = frozenset()
+    unknown: bool = False
+
+
+@dataclass(frozen=True)
+class Together:
+    """Measurements of one machine, the set-up of all, and what is hidden in them.
+
+    shared: causes that kinds share. own: of each kind its own. unknown: whether one of them hides
+    an error that is no cause.
+    """
+
+    data: list[Any]
+    setup: Any
+    shared: frozenset[str]
+    own: dict[str, frozenset[str]]
+    unknown: bool
 
 
 @dataclass(frozen=True)
@@ -61,20 +110,34 @@ class Machine:
         return np.random.default_rng([self.seed, *kind.encode()])
 
 
-def drawn(kinds: Sequence[str], number: int, seed: int) -> tuple[list[Any], Any]:
-    """Draw a machine and measure it by each kind, several of a kind one after the other."""
+def drawn(
+    kinds: Sequence[str], number: int, seed: int, shares: Mapping[str, float] = NO_SHARES
+) -> Together:
+    """Draw a machine and measure it by each kind, several of a kind one after the other.
+
+    ``shares``: of what is drawn of a cause that kinds share; 0 leaves it out.
+    """
     rng = np.random.default_rng([seed, number, *",".join(kinds).encode()])
-    machine = Machine(random_errors(rng), _shared(rng, kinds), int(rng.integers(1 << 31)))
-    made = {k: iter(MEASURED[k](machine, rng, kinds.count(k))) for k in dict.fromkeys(kinds)}
-    data = [next(made[kind]) for kind in kinds]
-    tables = [one for one, _ in data]
-    setup: Any = next((given for _, given in data if given is not None), None)
+    errors, drawn_of_all = random_errors(rng), _shared(rng, kinds)
+    shared = {
+        name: {unit: shares.get(name, 1.0) * value for unit, value in values.items()}
+        for name, values in drawn_of_all.items()
+        if shares.get(name, 1.0)
+    }
+    machine = Machine(errors, shared, int(rng.integers(1 << 31)))
+    made = {k: MEASURED[k](machine, rng, kinds.count(k)) for k in dict.fromkeys(kinds)}
+    left = {kind: iter(dates) for kind, dates in made.items()}
+    some = [next(left[kind]) for kind in kinds]
+    setup: Any = next((one.setup for one in some if one.setup is not None), None)
     if "axislog" in kinds:
-        servo = next(
-            given.servo for (_, given), k in zip(data, kinds, strict=True) if k == "axislog"
-        )
-        setup = replace(setup, servo=servo)
-    return tables, setup
+        setup = replace(setup, servo=made["axislog"][0].setup.servo)
+    return Together(
+        [one.data for one in some],
+        setup,
+        frozenset(machine.shared),
+        {kind: dates[0].own for kind, dates in made.items()},
+        any(one.unknown for one in some),
+    )
 
 
 def _shared(rng: Rng, kinds: Sequence[str]) -> Effects:
@@ -102,7 +165,7 @@ def _hides(rng: Rng) -> bool:
     return bool(rng.random() < UNKNOWN_SHARE)
 
 
-def _touches(machine: Machine, rng: Rng, count: int) -> list[tuple[Any, Any]]:
+def _touches(machine: Machine, rng: Rng, count: int) -> list[Made]:
     own = machine.own("touches")
     name = str(own.choice(["paper", "rich"]))
     plan, setup, _, read = ground(name)
@@ -111,7 +174,8 @@ def _touches(machine: Machine, rng: Rng, count: int) -> list[tuple[Any, Any]]:
     effects = draw_effects(own, name, 1, rms) if own.random() < OWN_SHARE else {}
     out = []
     for _ in range(count):
-        extra = draw_unknown(rng, name, rms) if _hides(rng) else None
+        unknown = _hides(rng)
+        extra = draw_unknown(rng, name, rms) if unknown else None
         truth = Truth(
             errors=machine.errors,
             placement=random_placement(rng),
@@ -126,11 +190,11 @@ def _touches(machine: Machine, rng: Rng, count: int) -> list[tuple[Any, Any]]:
             unknown=extra,
             seed=int(rng.integers(1 << 31)),
         )
-        out.append((tn.Touches(made.columns), read))
+        out.append(Made(tn.Touches(made.columns), read, frozenset(effects), unknown))
     return out
 
 
-def _points(machine: Machine, rng: Rng, count: int) -> list[tuple[Any, Any]]:
+def _points(machine: Machine, rng: Rng, count: int) -> list[Made]:
     own = machine.own("points")
     shared = ("scale", "squareness", "field")
     names = [name for name in POINT_EFFECTS if not name.startswith(shared)]
@@ -146,16 +210,17 @@ def _points(machine: Machine, rng: Rng, count: int) -> list[tuple[Any, Any]]:
             [columns["nominal_x_mm"], columns["nominal_y_mm"], 0 * columns["x_mm"]]
         )
         off = moved(place, np.zeros_like(place), machine.shared)
-        if _hides(rng):  # one after the other is off, and back again
+        unknown = _hides(rng)
+        if unknown:  # one after the other is off, and back again
             turns = rng.uniform(1.5, 4) * np.arange(per_date) / per_date
             wave = np.sin(2 * np.pi * turns + rng.uniform(0, 6.28))
             off[:, 1] += 2e-3 * size(rng, 0.5, 4.0) * wave
         columns |= {f"{a}_mm": columns[f"{a}_mm"] + off[:, i] for i, a in enumerate("xy")}
-        out.append((tn.Points(**columns), None))
+        out.append(Made(tn.Points(**columns), None, frozenset(hidden), unknown))
     return out
 
 
-def _sweep(machine: Machine, rng: Rng, count: int) -> list[tuple[Any, Any]]:
+def _sweep(machine: Machine, rng: Rng, count: int) -> list[Made]:
     """Three targets each."""
     own = machine.own("sweep")
     hidden = tuple(
@@ -168,14 +233,15 @@ def _sweep(machine: Machine, rng: Rng, count: int) -> list[tuple[Any, Any]]:
         columns = dict(made)
         for a in "xyz":
             columns[f"{a}_mm"] = made[f"{a}_mm"] + 1e-3 * rng.standard_normal(len(made["x_mm"]))
-        if _hides(rng):  # a sharp dip at one position
+        unknown = _hides(rng)
+        if unknown:  # a sharp dip at one position
             far = (columns["angle_deg"] - columns["angle_deg"].mean()) / rng.uniform(8, 15)
             columns["z_mm"] = columns["z_mm"] + 4e-3 * size(rng, 0.5, 4.0) * np.exp(-(far**2))
-        out.append((tn.Sweep(**columns), None))
+        out.append(Made(tn.Sweep(**columns), None, frozenset(hidden), unknown))
     return out
 
 
-def _diameters(machine: Machine, _rng: Rng, _count: int) -> list[tuple[Any, Any]]:
+def _diameters(machine: Machine, _rng: Rng, _count: int) -> list[Made]:
     """One measurement, of two or three passes."""
     own = machine.own("diameters")
     hidden = tuple(
@@ -194,7 +260,7 @@ def _diameters(machine: Machine, _rng: Rng, _count: int) -> list[tuple[Any, Any]
         left=[size(own, *LEFT) for _ in range(len(hidden) + unknown)],
         unknown=unknown,
     )
-    return [(data, setup)]
+    return [Made(data, setup, frozenset(hidden), unknown)]
 
 
 def _bars(exact: Any, rng: Rng, noise_um: float, more: Floats | float = 0.0) -> Any:
@@ -205,7 +271,7 @@ def _bars(exact: Any, rng: Rng, noise_um: float, more: Floats | float = 0.0) -> 
     )
 
 
-def _ballbar(machine: Machine, rng: Rng, count: int) -> list[tuple[Any, Any]]:
+def _ballbar(machine: Machine, rng: Rng, count: int) -> list[Made]:
     own = machine.own("ballbar")
     hidden, seed = _one(own, BALLBAR_OWN), int(own.integers(1 << 31))
     left = [size(own, *LEFT) * BAR_NOISE_UM / NEARLY_NONE_UM for _ in hidden]
@@ -213,10 +279,11 @@ def _ballbar(machine: Machine, rng: Rng, count: int) -> list[tuple[Any, Any]]:
     for _ in range(count):
         odd = [size(rng, *LEFT) * BAR_NOISE_UM / NEARLY_NONE_UM] if _hides(rng) else []
         kinds = [*hidden, *(["unknown"] if odd else [])]
-        exact, _ = ballbar_study.cartesian_cases(
+        exact, names = ballbar_study.cartesian_cases(
             kinds, seed, sigma_um=NEARLY_NONE_UM, left=[*left, *odd]
         )
-        out.append((_bars(exact, rng, BAR_NOISE_UM, _along_bar(exact, machine.shared)), None))
+        read = _bars(exact, rng, BAR_NOISE_UM, _along_bar(exact, machine.shared))
+        out.append(Made(read, None, frozenset(filter(None, names)), bool(odd)))
     return out
 
 
@@ -238,7 +305,7 @@ def _along_bar(data: Any, shared: Effects) -> Floats:
     return np.asarray(np.sum(ways * moved(place, step, shared), axis=1))
 
 
-def _hybrid(machine: Machine, rng: Rng, count: int) -> list[tuple[Any, Any]]:
+def _hybrid(machine: Machine, rng: Rng, count: int) -> list[Made]:
     own = machine.own("hybrid ballbar")
     hidden = tuple(
         map(str, own.choice(HYBRID, int(own.choice(len(COUNTS), p=COUNTS)), replace=False))
@@ -247,10 +314,10 @@ def _hybrid(machine: Machine, rng: Rng, count: int) -> list[tuple[Any, Any]]:
     usual = ballbar_study.hybrid_left(hidden, seed)
     shares = {name: size(own, *LEFT) / usual[name] for name in hidden}
     exact = ballbar_study.hybrid_cases(shares, seed, sigma_um=0.0)
-    return [(_bars(exact, rng, HYBRID_NOISE_UM), None) for _ in range(count)]
+    return [Made(_bars(exact, rng, HYBRID_NOISE_UM), None, frozenset(hidden)) for _ in range(count)]
 
 
-def _positioning(machine: Machine, rng: Rng, count: int) -> list[tuple[Any, Any]]:
+def _positioning(machine: Machine, rng: Rng, count: int) -> list[Made]:
     """Stops of X."""
     own = machine.own("positioning")
     hidden, seed, large = (
@@ -268,16 +335,18 @@ def _positioning(machine: Machine, rng: Rng, count: int) -> list[tuple[Any, Any]
         off = 1e3 * moved(place, sense, machine.shared)[:, 0]
         for name in hidden:
             off += large * positioning_twin.HIDDEN[name](data, np.random.default_rng(seed))
-        if _hides(rng):
+        unknown = _hides(rng)
+        if unknown:
             off += size(rng, 0.5, 3.0) * positioning_twin.HIDDEN["unknown"](data, rng)
         measured = data.measured + 1e-3 * off
-        out.append((data.with_columns(measured_mm=measured, axis=["X"] * len(data)), None))
+        read = data.with_columns(measured_mm=measured, axis=["X"] * len(data))
+        out.append(Made(read, None, frozenset(hidden), unknown))
     return out
 
 
-def _axislog(machine: Machine, rng: Rng, _count: int) -> list[tuple[Any, Any]]:
+def _axislog(machine: Machine, rng: Rng, _count: int) -> list[Made]:
     one = axislog(rng, machine.seed % 1_000_000)
-    return [(one.data, one.setup)]
+    return [Made(one.data, one.setup, one.hidden, one.unknown)]
 
 
 MEASURED = {
