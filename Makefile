@@ -75,6 +75,10 @@ power-probabilities: build  ## are stated probabilities true: 9,800 cases of all
 power-further: build  ## does the further test that is advised settle the doubt, ten minutes, into docs/results/power-further.md
 	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.further --out ../docs/results/power-further.md
 
+.PHONY: power-joint
+power-joint: build  ## is a joint diagnosis of several measurements right, half an hour, into docs/results/power-joint.md
+	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.joint --out ../docs/results/power-joint.md
+
 .PHONY: power-ballbar
 power-ballbar: build  ## the same for ball-bar tests of hybrid and three-axis machines, ten minutes
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/ballbar_study.py --out docs/results/power-ballbar.md

@@ -17,24 +17,28 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import trunnion as tn
 from power import pairs, report
 from power.one_machine import TOGETHER, Together, drawn
 from power.probabilities import Pairs, Stated, by_chance, calibration_error
-from power.random_cases import LEFT, VISIBLE, size
+from power.random_cases import LEFT, SAME, VISIBLE, size
 from power.study import ground
-from trunnion.diagnosis.plain import case_of
+from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.plain import case_of
 from trunnion.models.kinds import model_of
 
 SURE = 0.95
+TINY = 1e-300
 ENLARGED = 4.0  # a cause whose size is sought, so that it stands out of rounded readings
 Rng = np.random.Generator
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Case:
+class Said:
     """What a joint diagnosis stated of a machine, and what is true.
 
     taken: causes of the machine that are named without a doubt, and do not act.
@@ -59,32 +63,53 @@ def ids_of(made: Together, kinds: Sequence[str], ids: Set[str]) -> frozenset[str
     return frozenset(hidden)
 
 
-def _model(kinds: Sequence[str], number: int, seed: int, shares: Mapping[str, float]) -> Model:
-    made = drawn(kinds, number, seed, shares)
-    return model_of(made.data, made.setup)
+@dataclass(frozen=True)
+class Ground:
+    """What causes change is seen beside what is always fitted and the causes that act already."""
+
+    model: Model
+    case: Case
+
+    def left(self, other: Model) -> tuple[Floats, float]:
+        """What the readings of another measurement leave beside these, in noises; share that is."""
+        here, there = self.model.readings, other.readings
+        both = np.isin(here.rows, there.rows)  # the others are outliers in one of them
+        change = np.zeros(len(here.values))
+        change[both] = there.values[np.isin(there.rows, here.rows)] - here.values[both]
+        white = self.case.whiten(change)
+        basis = self.case.plain.basis
+        left = white - basis @ (basis.T @ white)
+        return left, float(np.linalg.norm(left)) / max(float(np.linalg.norm(white)), TINY)
 
 
 def seen(kinds: Sequence[str], number: int, seed: int) -> Together:
     """Draw a machine; each cause that kinds share leaves 5 to 50 noises in all that is read.
 
-    One of which hardly anything is left beside what is always fitted does not act.
+    One of which hardly anything is left beside what is always fitted, or that looks the same as
+    what acts already, does not act.
     """
     rng = np.random.default_rng([seed, number, 63])
-    names = sorted(drawn(kinds, number, seed).shared)
-    without = _model(kinds, number, seed, dict.fromkeys(names, 0.0))
-    case = case_of(without)
+
+    def model(shares: dict[str, float], *, own: bool = True) -> Model:
+        made = drawn(kinds, number, seed, none | shares, own=own)
+        return model_of(made.data, made.setup)
+
+    none = dict.fromkeys(drawn(kinds, number, seed).shared, 0.0)
+    bare = model({}, own=False)
+    ground = Ground(bare, case_of(bare))
+    acting = [ground.left(model({}))[0]]
     shares = {}
-    for name in names:
-        one = _model(kinds, number, seed, {**dict.fromkeys(names, 0.0), name: ENLARGED})
-        change = (one.readings.values - without.readings.values) / ENLARGED
-        white = case.whiten(change)
-        left = white - case.plain.basis @ (case.plain.basis.T @ white)
+    for name in sorted(none):
+        left, share = ground.left(model({name: ENLARGED}, own=False))
         long = float(np.linalg.norm(left))
-        shares[name] = size(rng, *LEFT) / long if long > VISIBLE * np.linalg.norm(white) else 0.0
-    return drawn(kinds, number, seed, shares)
+        same = any(abs(left @ o) > SAME * long * np.linalg.norm(o) for o in acting if np.any(o))
+        if share > VISIBLE and not same:
+            acting.append(left)
+            shares[name] = ENLARGED * size(rng, *LEFT) / long
+    return drawn(kinds, number, seed, none | shares)
 
 
-def state(kinds: tuple[str, ...], number: int, seed: int) -> Case:
+def state(kinds: tuple[str, ...], number: int, seed: int) -> Said:
     """Draw a machine, measure it and diagnose all together."""
     made = seen(kinds, number, seed)
     candidates = {effect.id for effect in model_of(made.data, made.setup).effects}
@@ -98,7 +123,7 @@ def state(kinds: tuple[str, ...], number: int, seed: int) -> Case:
     stated = Stated(", ".join(kinds), number, made.unknown, d.verdict, tuple(sets), causes, spent)
     among = d.named == hidden or hidden in d.alternatives
     sure = {c.id for c in d.causes if c.probability > SURE and ":" not in c.id}
-    return Case(stated, among, frozenset(sure - hidden))
+    return Said(stated, among, frozenset(sure - hidden))
 
 
 # --- page
@@ -130,7 +155,7 @@ COLUMNS = (
 )
 
 
-def _row(name: str, cases: Sequence[Case]) -> str:
+def _row(name: str, cases: Sequence[Said]) -> str:
     top: Pairs = [c.stated.top for c in cases]
     every: Pairs = [pair for c in cases for pair in c.stated.sets]
     said, true = np.mean(np.array(top, dtype=float), axis=0)
@@ -143,7 +168,7 @@ def _row(name: str, cases: Sequence[Case]) -> str:
     )
 
 
-def _random(cases: Sequence[Case]) -> list[str]:
+def _random(cases: Sequence[Said]) -> list[str]:
     known = [c for c in cases if not c.stated.unknown]
     lines = [*COLUMNS, _row("**all**", cases), _row("without an unknown error", known)]
     odd = [c for c in cases if c.stated.unknown]
@@ -206,7 +231,7 @@ def _sound(runs: int, seed: int) -> Iterator[str]:
         yield f"| {name} | {runs} | {100 * taken / runs:.1f} % |"
 
 
-def page(cases: Sequence[Case], runs: int, seed: int) -> list[str]:
+def page(cases: Sequence[Said], runs: int, seed: int) -> list[str]:
     """Return the page's lines."""
     return [HEAD, *_random(cases), "", OF_DOUBTS, *_doubts(runs, seed), "", *_sound(runs, seed)]
 

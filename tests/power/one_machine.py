@@ -99,11 +99,13 @@ class Together:
 
 @dataclass(frozen=True)
 class Machine:
-    """What is true of a machine, and the seed of what is a kind's own."""
+    """What is true of a machine, and the seed of what is a kind's own; ``bare``: without that
+    in kinds that share causes."""
 
     errors: dict[str, float]
     shared: Effects
     seed: int
+    bare: bool = False
 
     def own(self, kind: str) -> Rng:
         """Generator of what each date of a kind has in common."""
@@ -111,11 +113,17 @@ class Machine:
 
 
 def drawn(
-    kinds: Sequence[str], number: int, seed: int, shares: Mapping[str, float] = NO_SHARES
+    kinds: Sequence[str],
+    number: int,
+    seed: int,
+    shares: Mapping[str, float] = NO_SHARES,
+    *,
+    own: bool = True,
 ) -> Together:
     """Draw a machine and measure it by each kind, several of a kind one after the other.
 
-    ``shares``: of what is drawn of a cause that kinds share; 0 leaves it out.
+    ``shares``: of what is drawn of a cause that kinds share; 0 leaves it out. ``own``: whether
+    causes of the kinds' own act in those that share some.
     """
     rng = np.random.default_rng([seed, number, *",".join(kinds).encode()])
     errors, drawn_of_all = random_errors(rng), _shared(rng, kinds)
@@ -124,7 +132,7 @@ def drawn(
         for name, values in drawn_of_all.items()
         if shares.get(name, 1.0)
     }
-    machine = Machine(errors, shared, int(rng.integers(1 << 31)))
+    machine = Machine(errors, shared, int(rng.integers(1 << 31)), bare=not own)
     made = {k: MEASURED[k](machine, rng, kinds.count(k)) for k in dict.fromkeys(kinds)}
     left = {kind: iter(dates) for kind, dates in made.items()}
     some = [next(left[kind]) for kind in kinds]
@@ -172,6 +180,7 @@ def _touches(machine: Machine, rng: Rng, count: int) -> list[Made]:
     noise = size(own, 0.1, 2.0)
     rms = noise * (size(own, 0.7, 7.0) if name == "paper" else size(own, 0.3, 3.0))
     effects = draw_effects(own, name, 1, rms) if own.random() < OWN_SHARE else {}
+    effects = {} if machine.bare else effects
     out = []
     for _ in range(count):
         unknown = _hides(rng)
@@ -200,6 +209,7 @@ def _points(machine: Machine, rng: Rng, count: int) -> list[Made]:
     names = [name for name in POINT_EFFECTS if not name.startswith(shared)]
     hidden = _one(own, names)
     left = [size(own, *LEFT) for _ in hidden]
+    hidden, left = ((), []) if machine.bare else (hidden, left)
     made = make_points(int(own.integers(1 << 31)), hidden, groups=count, left=left).columns
     per_date = len(made["x_mm"]) // count
     out = []
@@ -275,6 +285,7 @@ def _ballbar(machine: Machine, rng: Rng, count: int) -> list[Made]:
     own = machine.own("ballbar")
     hidden, seed = _one(own, BALLBAR_OWN), int(own.integers(1 << 31))
     left = [size(own, *LEFT) * BAR_NOISE_UM / NEARLY_NONE_UM for _ in hidden]
+    hidden, left = ((), []) if machine.bare else (hidden, left)
     out = []
     for _ in range(count):
         odd = [size(rng, *LEFT) * BAR_NOISE_UM / NEARLY_NONE_UM] if _hides(rng) else []
@@ -325,6 +336,7 @@ def _positioning(machine: Machine, rng: Rng, count: int) -> list[Made]:
         int(own.integers(1 << 31)),
         size(own, 0.5, 3.0),
     )
+    hidden = () if machine.bare else hidden
     out = []
     for _ in range(count):
         data = positioning_twin.axis(
