@@ -147,8 +147,8 @@ one of those that are left. *Given to the machine*: a cause of the machine is st
 OF_DOUBTS = """## Doubts that another test settles
 
 *Settled*: the hidden causes are in every set that is left, so that nothing can take their place.
-Goal: together at least 95 %. A change of EZ0A is not drawn: to touches it looks the same as a change
-of the backlash of Z.
+Goal: together at least 95 %. A change of EZ0A is not drawn: to touches it looks the same as a
+change of the backlash of Z.
 """
 COLUMNS = (
     "| measured | cases | stated | true | among | ECE | by chance | given to the machine |",
