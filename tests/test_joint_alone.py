@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+
 import numpy as np
 import pytest
 
 import trunnion as tn
+from positioning_twin import HIDDEN, axis
 from power.one_machine import drawn
 from power.random_cases import draw
 from trunnion.diagnosis.engine import leave
+from trunnion.diagnosis.left import left_one_by_one
 from trunnion.diagnosis.plain import case_of, plain_fit
 from trunnion.diagnosis.whitening import Whiteners
 from trunnion.models.joint import JointModel
 from trunnion.models.kinds import model_of
 
-SAME_NOISE = 0.1  # of its size: where structure stands for causes, these leave about as much
+SAME_NOISE = 0.1  # of its size: sets of causes that explain about as well leave about as much
+NOISE_UM = 0.3
 
 
 @pytest.mark.parametrize("kind", ["touches", "points", "sweep", "ballbar", "positioning"])
-def test_a_measurement_leaves_what_its_diagnosis_says(kind: str) -> None:
+def test_a_measurement_leaves_as_much_as_its_diagnosis_says(kind: str) -> None:
     for number in range(4):
         one = draw(kind, number, 83)
         d = tn.diagnose(one.data, one.setup)
@@ -30,7 +35,58 @@ def test_a_measurement_leaves_what_its_diagnosis_says(kind: str) -> None:
         assert np.std(left.after) == pytest.approx(of_d, rel=SAME_NOISE)
         if d.unexplained is None:
             assert left.unexplained is None
-            assert np.allclose(left.after, d.residuals.after, rtol=0.0, atol=1e-6 * of_d)
+
+
+def stops(seed: int, causes: Iterable[str]) -> tn.Positioning:
+    """Stops of an axis with some causes, of the noise `NOISE_UM`."""
+    rng = np.random.default_rng([86, seed])
+    made = axis(rng, noise=NOISE_UM)
+    change = sum((HIDDEN[name](made, rng) for name in causes), np.zeros(len(made)))
+    return made.with_columns(measured_mm=made.measured + 1e-3 * change)
+
+
+@pytest.mark.parametrize("causes", [(), ("scale",), ("scale", "reversal", "warmup")])
+def test_the_noise_of_a_measurement_is_that_it_was_made_with(causes: tuple[str, ...]) -> None:
+    found = []
+    for seed in range(8):
+        model = model_of(stops(seed, causes))
+        left = left_one_by_one(case_of(model))
+        assert left is not None
+        dof = len(left.after) - left.parameters - len(model.nuisance)
+        found.append(float(left.after @ left.after) / dof)
+    count = 8 * 100  # degrees of freedom, about
+    assert np.mean(found) == pytest.approx(NOISE_UM**2, rel=4 * np.sqrt(2 / count))
+
+
+def bad(data: tn.Positioning) -> tn.Positioning:
+    measured = data.measured.copy()
+    measured[17] += 0.05
+    return data.with_columns(measured_mm=measured)
+
+
+def knocked(data: tn.Positioning) -> tn.Positioning:
+    at = np.linspace(-1.0, 1.0, len(data))
+    return data.with_columns(measured_mm=data.measured + 8e-3 * np.exp(-((at / 0.2) ** 2)))
+
+
+def in_steps(data: tn.Positioning) -> tn.Positioning:
+    return data.with_columns(measured_mm=np.round(data.measured, 3))
+
+
+def without_noise(data: tn.Positioning) -> tn.Positioning:
+    return data.with_columns(measured_mm=data.target * (1 + 2e-5))
+
+
+@pytest.mark.parametrize("spoilt", [bad, knocked, in_steps, without_noise])
+def test_more_than_noise_is_left_to_the_own_diagnosis(
+    spoilt: Callable[[tn.Positioning], tn.Positioning],
+) -> None:
+    data = spoilt(stops(0, ("scale",)))
+    assert left_one_by_one(case_of(model_of(data))) is None
+    d, left = tn.diagnose(data), leave(model_of(data))
+    assert d.residuals is not None
+    assert (left.outliers, left.unexplained) == (d.outliers, d.unexplained)
+    assert np.allclose(left.after, d.residuals.after, rtol=0.0, atol=1e-9)
 
 
 def test_several_are_fitted_once_by_the_noise_of_each() -> None:

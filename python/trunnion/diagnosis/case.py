@@ -1,9 +1,9 @@
 """A model with the readings of it that are used."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import special
@@ -33,6 +33,7 @@ from trunnion.diagnosis.linearised import Linearised
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.nearer import nearer
 from trunnion.diagnosis.noise import Whitener
+from trunnion.diagnosis.outliers import Sizes
 from trunnion.diagnosis.records import rms
 from trunnion.diagnosis.scan import Dictionary, Term
 from trunnion.diagnosis.steps import weights_of
@@ -46,8 +47,6 @@ SINGULAR = 1e-8  # of a correlation matrix of estimates
 DOUBTFUL_P = 1e-3  # from which on it is seen what others leave without an effect
 CERTAIN_P = 1e-9  # below which an effect is there without doubt, however many were tried
 TINY = 1e-300
-
-Sizes: TypeAlias = Callable[[Floats, Floats, float], Floats]
 
 
 @dataclass
@@ -74,9 +73,6 @@ class Case:
         data; None: `plain`.
     known:
         Dictionary of a case of the same model with other weights.
-    brief:
-        Whether only what is left of the readings is asked for (:mod:`.left`): sets are weighed that
-        may be named, and structure that no test of the residual shows competes with no cause.
     minor:
         Effects that are significant and explain too little of what is left to be named.
     """
@@ -92,7 +88,6 @@ class Case:
     likely: Fit | None = None
     given: Fit | None = None
     known: Dictionary | None = None
-    brief: bool = False
     minor: set[str] = field(default_factory=set)
 
     @property

@@ -41,7 +41,7 @@ from trunnion.diagnosis.cross_validation import better
 from trunnion.diagnosis.explain import LINEAR_ERROR, best_score, exactly, explain
 from trunnion.diagnosis.explanation import Explanation
 from trunnion.diagnosis.fit import Fit, fit
-from trunnion.diagnosis.left import Left, left_of
+from trunnion.diagnosis.left import Left, left_of, left_one_by_one
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.plain import case_of, plain_fit, whitened
 from trunnion.diagnosis.records import rms, units_of
@@ -85,11 +85,11 @@ def diagnose(model: Model) -> Diagnosis:
         Fewer readings than unknowns, or readings that are not finite.
     """
     with one_blas_thread():
-        return report(*_explained(model))
+        return report(*_explained(case_of(model)))
 
 
 def leave(model: Model) -> Left:
-    """Return what a diagnosis of a model leaves, without the diagnosis (`Case.brief`).
+    """Return what is left of a model's readings, for one that has further measurements.
 
     Raises
     ------
@@ -97,20 +97,25 @@ def leave(model: Model) -> Left:
         As `diagnose`.
     """
     with one_blas_thread():
-        return left_of(*_explained(model, brief=True))
+        case = case_of(model)
+        return left_one_by_one(case) or left_of(*_explained(case))
 
 
-def _explained(model: Model, *, brief: bool = False) -> tuple[Case, Explanation, Integers]:
-    """Explain a model's readings: the case, the explanation, the readings set aside."""
+def _explained(case: Case) -> tuple[Case, Explanation, Integers]:
+    """Explain a model's readings: the case, the explanation, the readings set aside.
+
+    ``case``: that the diagnosis starts from.
+    """
+    model = case.model
     LOG.info(
         "%d readings, %d parameters that are always fitted, %d candidates",
         len(model.readings),
         len(model.nuisance),
         len(model.effects),
     )
-    case, choice, sure = _ordinary(model, brief)
+    case, choice, sure = _ordinary(case)
     if choice is None or not sure:
-        about = case_of(model.near(always=True), dependent=True, brief=brief)
+        about = case_of(model.near(always=True), dependent=True)
         about, other = _settled(plain_fit(model), about, _choose(about))
         settled = _to_first_order(about, other[1].fit)
         if choice is None or (settled and _score(case, about, other) < _score(case, case, choice)):
@@ -154,7 +159,7 @@ def _with_correlation(case: Case, choice: Choice) -> tuple[Case, Choice]:
         whiten = case.model.correlated(found.nuisance, found.effects, used, noise)
         if whiten is None:
             return best
-        at = whitened(case.model, case.plain, case.grid, whiten, brief=case.brief)
+        at = whitened(case.model, case.plain, case.grid, whiten)
         before, choice = found.effects.keys(), _choose(at)
         # Without causes the plain model is compared with itself, by the same weights.
         causes = bool(choice[1].fit.effects) and not len(choice[2])
@@ -183,7 +188,7 @@ def _with_scatter(case: Case, choice: Choice) -> tuple[Case, Choice]:
             quiet = min(scatter.sizes.values()) * float(np.sqrt(f.rss / max(f.dof, 1)))
             if case.grid is not None and case.grid.matters(quiet):
                 break
-            at = whitened(case.model, case.plain, case.grid, scatter, brief=case.brief)
+            at = whitened(case.model, case.plain, case.grid, scatter)
             at.given, at.known = case.given, case.searched_for
             found = _choose(at)
             score = _likelihood(at, found)
@@ -207,7 +212,7 @@ def _likelihood(case: Case, choice: Choice) -> float:
     return score + out.outlier_penalty(n) * _choices(case, bad) + price(case, used)
 
 
-def _ordinary(model: Model, brief: bool) -> tuple[Case, Choice | None, bool]:
+def _ordinary(case: Case) -> tuple[Case, Choice | None, bool]:
     """Explain about the set-up's own values; no choice where that does not do, and whether it does.
 
     It does not where residuals are no stationary noise; where the noise was estimated beside
@@ -215,7 +220,7 @@ def _ordinary(model: Model, brief: bool) -> tuple[Case, Choice | None, bool]:
     causes, all simulated together, are not what was fitted, or not all. Where it is not all, a fit
     near the data may hold it all.
     """
-    case = case_of(model, brief=brief)
+    model = case.model
     if case.dependent:
         return case, None, False
     choice = _choose(case)
@@ -228,7 +233,7 @@ def _ordinary(model: Model, brief: bool) -> tuple[Case, Choice | None, bool]:
     # What sums of chords are not may order sets otherwise, or be what is left.
     if _is_linear(case, found.fit) or (about := model.near(always=True)) is model:
         return case, choice, True
-    again = case_of(about, brief=brief)
+    again = case_of(about)
     other = _choose(again)
     if _score(case, again, other) > _score(case, case, choice):
         return case, choice, False
@@ -271,7 +276,7 @@ def _settled(given: Fit, case: Case, choice: Choice) -> tuple[Case, Choice]:
         if _to_first_order(case, found) and case.model.inside <= found.effects.keys():
             break
         at = case.model.about(found.nuisance, found.effects)
-        case = case_of(at, dependent=True, brief=case.brief)
+        case = case_of(at, dependent=True)
         choice = _choose(case)
     case.given = given
     return case, choice
@@ -344,7 +349,7 @@ def _with_noise_of(case: Case, choice: Choice) -> Case | None:
     whiten = white_beside(grid, noise)
     if whiten is identity and case.whiten is identity and not grid.matters(noise):
         return None
-    again = whitened(case.model, case.plain, grid, whiten, brief=case.brief)
+    again = whitened(case.model, case.plain, grid, whiten)
     again.found, again.likely = found, _without_the_weakest(case, found, choice[2])
     again.given = case.given
     return again

@@ -55,13 +55,10 @@ class Evidence:
         The sets.
     count:
         Of the causes; further candidates are terms of structure.
-    reach:
-        Above the best score, to which sets of causes are weighed.
     """
 
     search: Search
     count: int
-    reach: float = TO_WEIGH
 
     @cached_property
     def values(self) -> Mapping[int, float]:
@@ -70,7 +67,7 @@ class Evidence:
         near = {
             mask: tuple(sorted(s.made[mask]))
             for mask, score in s.scores.items()
-            if score <= s.best + (self.reach if mask else TO_WEIGH)
+            if score <= s.best + TO_WEIGH
         }
         self._weigh(near.values())
         known = s.at_best

@@ -11,7 +11,6 @@ from trunnion.diagnosis.alarms import CAUSE_LEVEL, Alarm, scatter
 from trunnion.diagnosis.candidates import NAMING_LEVEL, Candidates
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Effect
-from trunnion.diagnosis.evidence import TO_WEIGH
 from trunnion.diagnosis.explanation import Explanation, Sets
 from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.in_steps import by_probability, chance_as_read
@@ -173,8 +172,7 @@ def _explained(case: Case) -> Explanation:
     elif not case.exact(extended) and not case.rounds_to_readings(extended):
         unexplained = alarm_scan.p < SCAN_LEVEL and alarm_scan.holds(SCAN_LEVEL)
         picked = _competing(case, best, extended, unexplained)
-        asked = unexplained or (demanded and not case.brief)
-        weighed = asked and not chances.search.more
+        weighed = (unexplained or demanded) and not chances.search.more
         smooth = processes(case, best) if weighed else []
         if unexplained or picked or smooth:
             chances, tried, terms, extended = _with_structure(case, picked, chances.search, smooth)
@@ -240,7 +238,7 @@ def _demanded(case: Case) -> tuple[Probabilities, Fit, Alarm]:
     while True:
         alarm = Alarm.of_causes(case)
         searched = by_probability(case, first)
-        chances = Probabilities(searched, candidates, reach=_reach(case))
+        chances = Probabilities(searched, candidates)
         demanded = (not searched.more and searched.top.score < searched.nothing.score - WITHIN) or (
             alarm.p < level and alarm.holds(level)
         )
@@ -257,11 +255,6 @@ def _demanded(case: Case) -> tuple[Probabilities, Fit, Alarm]:
             return chances, extended, alarm
         candidates.ban(bad)
         first = first.without(bad)
-
-
-def _reach(case: Case) -> float:
-    """How far above the best score sets are weighed: where no probability is asked for, not far."""
-    return WITHIN if case.brief else TO_WEIGH
 
 
 def _undetermined(case: Case, f: Fit, searched: Search) -> set[int]:
@@ -416,9 +409,9 @@ def _competing(case: Case, best: Found, extended: Fit, unexplained: bool) -> lis
     competes only then.
     """
     picked: list[int] = []
-    if unexplained or (not case.brief and stands_for_causes(case, best)):
+    if unexplained or stands_for_causes(case, best):
         picked = promising(case, (extended, case.plain), at_once=unexplained)
-    if not (unexplained or case.brief):
+    if not unexplained:
         picked += standing_at_once(case, best)
     excluded = sums_of_causes(case, picked, best) | holding_causes(case, picked)
     if not unexplained:
@@ -443,7 +436,7 @@ def _with_structure(
         )
         searched = search(both, plain.white, floor=case.floor, after=first)
         searched = by_probability(case, searched, tuple(picked))
-    chances = Probabilities(searched, c, processes=smooth, reach=_reach(case))
+    chances = Probabilities(searched, c, processes=smooth)
     likeliest = chances.likeliest or [chances.search.nothing]
     plainly = [f for f in likeliest if not _has_structure(c, f)]
     top = plainly[0] if plainly and chances.unnamed < UNNAMED else likeliest[0]

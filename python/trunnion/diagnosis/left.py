@@ -1,31 +1,41 @@
-"""What a diagnosis leaves of the readings, for one that has further measurements."""
+"""What is left of the readings of one of several measurements, before they are diagnosed together.
+
+The causes are found together: of each measurement alone it is asked what noise it has, and whether
+readings are to be set aside. Causes taken one after the other leave about the noise that the best
+set leaves. Where what they leave shows anything else, its own diagnosis says what that is.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import orth
 
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.case import Case
+from trunnion.diagnosis.explain import LINEAR_ERROR
 from trunnion.diagnosis.explanation import Explanation
 from trunnion.diagnosis.in_steps import as_read
 from trunnion.diagnosis.linearised import Linearised
+from trunnion.diagnosis.outliers import far_out_beside
 from trunnion.diagnosis.remaining import unexplained
 from trunnion.diagnosis.result import Diagnosis
-from trunnion.diagnosis.scan import Dictionary
+from trunnion.diagnosis.scan import Dictionary, beside_a_term
+from trunnion.diagnosis.selection import one_by_one
+from trunnion.diagnosis.steps import weights_of
 from trunnion.diagnosis.structure import with_structure
-from trunnion.diagnosis.whitening import Whiten
+from trunnion.diagnosis.whitening import Whiten, sizes_of
 
 
 @dataclass(frozen=True, eq=False)
 class Left:
-    """What a diagnosis leaves of the readings: all that one of several measurements asks of it.
+    """What is left of the readings: all that is asked of one of several measurements.
 
-    before, after: Reading minus prediction of the plain and of the extended model, (n,).
+    before, after: Reading minus prediction of the plain model and beside causes, (n,).
     rows: Data row of each reading, (n,).
     outliers: Data rows that were set aside, in order.
-    parameters: Count of those of the named causes.
+    parameters: Count of those of the causes.
     unexplained: Structure that no cause makes, in words.
     linearised: The candidates at the plain fit of all readings.
     whiten: What made the noise of all readings white; None: some are left out, or it is not known.
@@ -54,6 +64,44 @@ class Left:
             return None
         count = sum(len(c.parameters) for c in found.causes)
         return cls(r.before, r.after, r.rows, found.outliers, count, found.unexplained)
+
+
+def left_one_by_one(case: Case) -> Left | None:
+    """Return what causes leave that are found one after the other; None: that may not do.
+
+    It does where all that they leave is noise, white but for its size, and not next to nothing: no
+    reading is far out, no structure is seen, and steps of readings do not matter.
+    """
+    plain, n = case.plain, len(case.rows)
+    sizes = sizes_of(case.whiten, n)
+    if sizes is None or case.exact(plain):
+        return None
+    causes = one_by_one(case.candidates, plain.white, floor=case.floor)
+    basis, white = plain.basis, plain.white
+    if causes.blocks:
+        columns = np.concatenate([case.candidates.columns(b) for b in causes.blocks])
+        own = orth(columns.T.astype(np.float64), rcond=case.candidates.dependent)
+        basis = np.concatenate([basis, own], axis=1)
+        white = white - own @ (own.T @ white)
+    rss, dof = float(white @ white), n - basis.shape[1]
+    after = plain.residuals - sizes * (plain.white - white)
+    if dof < 1 or rss < LINEAR_ERROR**2 * plain.rss or _in_steps(case, after, dof):
+        return None
+    if case.model.allows_outliers and len(far_out_beside(basis, white, case.least_noise)):
+        return None
+    if beside_a_term(case.dictionary, white, basis, case.floor)[1] < dof:
+        return None
+    rows = np.asarray(case.model.readings.rows)
+    known = case.linearised, case.whiten, case.dictionary
+    return Left(plain.residuals, after, rows, (), plain.dof - dof, None, *known)
+
+
+def _in_steps(case: Case, left: Floats, dof: int) -> bool:
+    """Whether readings are recorded in steps that matter beside the noise of what is left."""
+    if case.grid is None:
+        return False
+    noise = case.grid.noise(left, dof, case.plain.jacobian, weights_of(case.whiten))
+    return case.grid.matters(noise)
 
 
 def left_of(case: Case, e: Explanation, dropped: Integers) -> Left:

@@ -6,15 +6,18 @@ likelihood of the other readings, and the gap between it and them is compared wi
 such noise leaves.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import accumulate
+from typing import TypeAlias
 
 import numpy as np
 from scipy import special
 
 from trunnion.base.rows import at_hand
 from trunnion.base.units import Flags, Floats, Integers
+
+Sizes: TypeAlias = Callable[[Floats, Floats, float], Floats]
 
 OUTLIER_LEVEL = 0.01
 SUSPECT_LEVEL = 0.05  # of readings that compete with a cause that is there already
@@ -23,6 +26,7 @@ FAR = 4.0  # times the noise that the others show
 MIN_FREE = 0.05  # of a reading that the fit leaves free, for residuals per leverage
 SAME_SCALE = 0.02  # relative difference of scales of the noise that are taken for one
 CHECKED = 1e-6  # share of a reading that the others can check
+MIN_DOF = 5  # degrees of freedom from which outliers can be found
 MAX_SHARE = 0.2  # more than a fifth of the readings are no outliers
 MAX_ASIDE = 200  # readings that are set aside one by one: each is a pass through all
 
@@ -122,6 +126,32 @@ def _per_spread(basis: Floats, values: Floats, used: Flags) -> Floats:
         free = np.where(used[some], np.maximum(1.0 - leverage, MIN_FREE), 1.0 + leverage)
         size[some] = np.where(checked, r / np.sqrt(free), 0.0)
     return size
+
+
+def far_out_beside(
+    basis: Floats,
+    values: Floats,
+    floor: float,
+    level: float = OUTLIER_LEVEL,
+    sizes: Callable[[Sizes], Floats] | None = None,
+) -> Integers:
+    """Find readings far out beside a fit (indices).
+
+    ``basis``: orthonormal, of all that is fitted, (n, p); ``values``: what it leaves, (n,);
+    ``floor``: least noise of a reading; ``sizes``: their sizes by a function, where they are kept.
+    """
+    n, p = basis.shape
+    sizes = sizes or (lambda of: of(basis, values, floor))
+    leverage = np.einsum("ij,ij->i", basis, basis)
+    size = np.abs(values) / np.sqrt(np.maximum(1 - leverage, MIN_FREE))
+    typical = max(np.median(size) / 0.6745, floor)
+    if n - p < MIN_DOF or typical <= 0 or size.max() < FAR * typical:
+        return np.zeros(0, dtype=np.intp)
+    far = far_out(sizes(robust_sizes), n - p, floor, level)
+    if len(far):
+        return far
+    # A robust fit may follow a bad reading that weighs much.
+    return far_out(sizes(snooped_sizes), n - p, floor, level)
 
 
 def far_out(size: Floats, dof: float, floor: float = 0.0, level: float = OUTLIER_LEVEL) -> Integers:

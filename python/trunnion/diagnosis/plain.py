@@ -20,10 +20,10 @@ def plain_fit(model: Model) -> Fit:
     return fit(model, np.arange(len(model.readings)), (), start, {}, identity)
 
 
-def case_of(model: Model, *, dependent: bool = False, brief: bool = False) -> Case:
+def case_of(model: Model, *, dependent: bool = False) -> Case:
     """Fit the model without effects, and linearise the candidates there.
 
-    ``dependent``: whether to take no residuals for stationary noise; ``brief``: as of a case.
+    ``dependent``: whether to take no residuals for stationary noise.
     """
     n, p = len(model.readings), len(model.nuisance)
     if not np.all(np.isfinite(model.readings.values)):
@@ -37,18 +37,16 @@ def case_of(model: Model, *, dependent: bool = False, brief: bool = False) -> Ca
     if n <= p:
         raise DataError(f"readings: got {n} for {p} unknowns, expected more than unknowns")
     if (known := model.known_noise) is not None:
-        return whitened(model, None, model.grid, known, brief=brief)
+        return whitened(model, None, model.grid, known)
     plain = plain_fit(model)
     grid = grid_of(model, plain.residuals, plain.dof, plain.jacobian)
     whiten = (model.dependent if dependent else model.whitener)(plain.residuals)
     if grid is not None and whiten is identity:
         whiten = white_beside(grid, grid.noise(plain.residuals, plain.dof, plain.jacobian))
-    return whitened(model, plain, grid, whiten, brief=brief)
+    return whitened(model, plain, grid, whiten)
 
 
-def whitened(
-    model: Model, plain: Fit | None, grid: Grid | None, whiten: Whiten, *, brief: bool = False
-) -> Case:
+def whitened(model: Model, plain: Fit | None, grid: Grid | None, whiten: Whiten) -> Case:
     """Case of all readings; ``plain``: a fit of readings as they are to start from, if there is."""
     rows = np.arange(len(model.readings))
     if plain is None or whiten is not identity:
@@ -60,7 +58,7 @@ def whitened(
         # Whitened readings have a variance of 1; dependent ones count as fewer than they are.
         floor = Floor(max(floor.variance, 1.0))
     linearised = Linearised(model, plain.nuisance, whiten, model.places)
-    return Case(model, rows, whiten, plain, linearised, floor, grid, brief=brief)
+    return Case(model, rows, whiten, plain, linearised, floor, grid)
 
 
 def _floor(model: Model, grid: Grid | None, whiten: Whiten) -> Floor:

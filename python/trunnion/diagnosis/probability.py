@@ -30,7 +30,7 @@ import numpy as np
 
 from trunnion.base.units import Floats
 from trunnion.diagnosis.candidates import NAMING_LEVEL, Candidates
-from trunnion.diagnosis.evidence import SIZES, TO_WEIGH, Evidence
+from trunnion.diagnosis.evidence import SIZES, Evidence
 from trunnion.diagnosis.selection import SCORE_DIGITS, TINY, Found, Search
 
 Members = frozenset[int]
@@ -115,15 +115,12 @@ class Probabilities:
         Smooth errors of no known form that stand in the noise instead, with their sets.
     behind:
         Sets with an effect behind the others.
-    reach:
-        Above the best score, to which sets are weighed.
     """
 
     search: Search
     candidates: Candidates
     processes: Sequence[Beside] = ()
     behind: Sequence[Behind] = ()
-    reach: float = TO_WEIGH
 
     def with_behind(self, behind: Sequence[Behind]) -> Probabilities:
         """Return those with these sets that have an effect behind the others."""
@@ -204,9 +201,9 @@ class Probabilities:
     @cached_property
     def _weights(self) -> dict[int, float]:
         """Odds of each set against the best one, by its mask."""
-        values = dict(Evidence(self.search, self.candidates.count, self.reach).values)
+        values = dict(Evidence(self.search, self.candidates.count).values)
         for bit, one in self._beside():
-            own = Evidence(one.search, self.candidates.count, self.reach).values
+            own = Evidence(one.search, self.candidates.count).values
             for mask, value in own.items():
                 values[mask | bit] = min(value + one.cost, values.get(mask | bit, math.inf))
         least = min(values.values(), default=0.0)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
-from trunnion.base.units import Integers
+from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis import outliers as out
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.explanation import Explanation
@@ -12,24 +14,12 @@ from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.selection import MAX_CAUSES, search
 
 MAX_SUSPECTS = 12
-MIN_DOF = 5  # degrees of freedom from which outliers can be found
-FAR_SIGMAS = 4.0
 RESTS = 0.5  # of what a cause explains, from which on it rests on one reading
 
 
 def far_out(case: Case, f: Fit, level: float = out.OUTLIER_LEVEL) -> Integers:
     """Find readings far out under a fit (indices into the readings it used)."""
-    leverage = np.einsum("ij,ij->i", f.basis, f.basis)
-    size = np.abs(f.white) / np.sqrt(np.maximum(1 - leverage, out.MIN_FREE))
-    least = case.least_noise
-    typical = max(np.median(size) / 0.6745, least)
-    if f.dof < MIN_DOF or typical <= 0 or size.max() < FAR_SIGMAS * typical:
-        return np.zeros(0, dtype=np.intp)
-    far = out.far_out(case.sizes(f, out.robust_sizes), f.dof, least, level)
-    if len(far):
-        return far
-    # A robust fit may follow a bad reading that weighs much.
-    return out.far_out(case.sizes(f, out.snooped_sizes), f.dof, least, level)
+    return out.far_out_beside(f.basis, f.white, case.least_noise, level, partial(case.sizes, f))
 
 
 def proposals(case: Case, found: Explanation, bad: Integers, aside: Integers) -> list[Integers]:
@@ -74,8 +64,16 @@ def _rested_on(case: Case, f: Fit) -> Integers:
         others = np.delete(f.jacobian, own, axis=1)
         explained = f.jacobian[:, linear] @ values
         explained = explained - others @ np.linalg.lstsq(others, explained, rcond=None)[0]
-        share = explained * (explained + f.white)
-        largest = int(np.argmax(share))
-        if share[largest] > RESTS * np.sum(share):
-            found.append(largest)
+        rested = rested_on(explained, f.white)
+        found += [] if rested is None else [rested]
     return np.unique(found).astype(np.intp)
+
+
+def rested_on(explained: Floats, left: Floats) -> int | None:
+    """Reading on which a cause rests, if it does so on one.
+
+    ``explained``: what it makes beside the others of its set, (n,); ``left``: what these leave.
+    """
+    share = explained * (explained + left)
+    largest = int(np.argmax(share))
+    return largest if share[largest] > RESTS * np.sum(share) else None

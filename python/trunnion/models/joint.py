@@ -6,7 +6,7 @@ effects that :meth:`~trunnion.diagnosis.model.Model.shared` calls alike. All els
 measurement and has its name in front ("touches:probe_radius"): placements, instruments, artefacts,
 what changes with time. An instrument that several measurements of a kind have in common
 (:meth:`~trunnion.diagnosis.model.Model.instrument_size`) has the name of the first of them. Each
-measurement keeps the noise that its own diagnosis found, less what no cause makes.
+measurement has the noise that is left of it alone, less what no cause makes.
 
 Measurements of one kind are of several dates, in the order given. For each error and effect that
 they share there is a further candidate: it changed before a later one ("touches 2:change_EX0C").
@@ -95,7 +95,7 @@ class JointModel(Model):
     # --- what is joined
 
     def _noise(self) -> Whiteners:
-        """Each part by the noise that its own diagnosis found.
+        """Each part by the noise that is left of it alone.
 
         Exact readings beside others leave nothing: all of them together do not say what noise is.
         """

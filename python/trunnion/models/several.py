@@ -1,4 +1,4 @@
-"""What each measurement's own diagnosis leaves for the joint one: rows, noise, notes."""
+"""What is known of each measurement alone before the joint diagnosis: rows, noise, notes."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Measured:
     distinct
         Rows that are readings of their own (:mod:`trunnion.data.distinct`); None: all.
     alone
-        What its own diagnosis leaves.
+        What is left of it alone.
     model
         The model that it was diagnosed with, of the distinct rows.
     notes
