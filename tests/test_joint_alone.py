@@ -74,7 +74,8 @@ def in_steps(data: tn.Positioning) -> tn.Positioning:
 
 
 def without_noise(data: tn.Positioning) -> tn.Positioning:
-    return data.with_columns(measured_mm=data.target * (1 + 2e-5))
+    once = data[np.arange(22)]  # a cycle: others would say the same
+    return once.with_columns(measured_mm=once.target * (1 + 2e-5))
 
 
 @pytest.mark.parametrize("spoilt", [bad, knocked, in_steps, without_noise])

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trunnion.base.units import Flags, Integers
+from trunnion.base.units import Flags, Floats, Integers
 
 ROWS_AT_HAND = 1 << 14
 
@@ -13,6 +13,18 @@ ROWS_AT_HAND = 1 << 14
 def at_hand(count: int) -> Iterator[slice]:
     """Slices of so many rows, in order."""
     return (slice(first, first + ROWS_AT_HAND) for first in range(0, count, ROWS_AT_HAND))
+
+
+def product_of_seen(rows: Floats, columns: Floats) -> Floats:
+    """Return rows (m, n) times columns (n,) or (n, s), of which those all zero cost nothing."""
+    if columns.ndim == 1:
+        return np.asarray(rows @ columns)
+    seen = columns.any(axis=0)
+    if seen.all():
+        return np.asarray(rows @ columns)
+    out = np.zeros((len(rows), columns.shape[1]))
+    out[:, seen] = rows @ columns[:, seen]
+    return out
 
 
 def where(some: Flags) -> slice | Integers:

@@ -259,8 +259,24 @@ class Part:
         return np.array([np.where(x.at < 0, -1, x.at + of.start) for x, of in own.items()]), own
 
     def products(self, r: Floats) -> list[Floats]:
-        """Inner products of the columns of the terms of each width with r (n, s), (m c k, s)."""
-        own, c, s = r[self.some], len(self.components), r.shape[1]
+        """Inner products of the columns of the terms of each width with r (n, s), (m c k, s).
+
+        What is another measurement's own is zero here, and costs nothing.
+        """
+        own = r[self.some]
+        seen = own.any(axis=0)
+        if seen.all():
+            return self._products(own)
+        found = []
+        for products in self._products(own[:, seen]):
+            out = np.zeros((len(products), own.shape[1]))
+            out[:, seen] = products
+            found.append(out)
+        return found
+
+    def _products(self, own: Floats) -> list[Floats]:
+        """Return the same of columns of these readings, (n, s)."""
+        c, s = len(self.components), own.shape[1]
         sums = np.zeros((self._first[-1], c * s))
         kept = [(x, sums[a:b]) for x, (a, b) in zip(self._kept, pairwise(self._first), strict=True)]
         at, values = self._values

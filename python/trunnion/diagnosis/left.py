@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import orth
 
+from trunnion.base.resolution import Grid
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.explain import LINEAR_ERROR
@@ -39,6 +40,7 @@ class Left:
     unexplained: Structure that no cause makes, in words.
     linearised: The candidates at the plain fit of all readings.
     whiten: What made the noise of all readings white; None: some are left out, or it is not known.
+    grid: Steps of all readings, where ``whiten`` is known; None: they have none.
     dictionary: Structure without a name in all readings, if it was looked for there.
     exact: Whether they have no noise.
     assumed: Variance of a white reading that the causes of exact ones were searched with.
@@ -52,6 +54,7 @@ class Left:
     unexplained: str | None
     linearised: Linearised | None = None
     whiten: Whiten | None = None
+    grid: Grid | None = None
     dictionary: Dictionary | None = None
     exact: bool = False
     assumed: float = 0.0
@@ -92,7 +95,7 @@ def left_one_by_one(case: Case) -> Left | None:
     if beside_a_term(case.dictionary, white, basis, case.floor)[1] < dof:
         return None
     rows = np.asarray(case.model.readings.rows)
-    known = case.linearised, case.whiten, case.dictionary
+    known = case.linearised, case.whiten, case.grid, case.dictionary
     return Left(plain.residuals, after, rows, (), plain.dof - dof, None, *known)
 
 
@@ -121,6 +124,7 @@ def left_of(case: Case, e: Explanation, dropped: Integers) -> Left:
         said,
         case.linearised,
         None if len(dropped) else case.whiten,
+        case.grid,
         case.searched_for,
         exact=e.assumed > 0 or kept.exact(f),
         assumed=e.assumed,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trunnion.base.rows import product_of_seen
 from trunnion.base.units import Floats, Integers
 
 
@@ -57,7 +58,7 @@ class Beside:
 
     def along(self, r: Floats, basis: Floats) -> Floats:
         """Return the same; ``basis``: inner products of the basis with them."""
-        return np.asarray(self.own @ r[self.at] - self.of_basis @ basis)
+        return np.asarray(product_of_seen(self.own, r[self.at]) - self.of_basis @ basis)
 
     def inner(self, some: slice, others: slice) -> Floats:
         """Inner products of some columns with others, (k, l)."""

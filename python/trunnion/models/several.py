@@ -92,8 +92,8 @@ class Measured:
     def _noise(self, model: Model, assumed: float) -> tuple[Scaled, Grid | None, float]:
         """Return what makes the noise of the used readings white, of size 1, and their steps.
 
-        And the share of it in what their own diagnosis left, which is less than 1 where that left
-        what no cause makes: it would make causes of other measurements weigh more.
+        And the share of it in what is left of it alone, which is less than 1 where that has what no
+        cause makes: it would make causes of other measurements weigh more.
         """
         found = self.alone
         of_row = found.rows if self.distinct is None else self.distinct[found.rows]
@@ -102,7 +102,9 @@ class Measured:
         parameters = found.parameters + len(model.nuisance)
         dof = max(n - parameters, 1)
         jacobian = model.jacobian(model.start, {})
-        grid = grid_of(model, before, n - len(model.nuisance), jacobian)
+        grid = found.grid
+        if found.whiten is None or model is not self.model:
+            grid = grid_of(model, before, n - len(model.nuisance), jacobian)
         whiten = self._whiten(model, before, grid)
         floor = Floor(0.0 if grid is None else white_rounding(grid, whiten))
         share = 1.0
