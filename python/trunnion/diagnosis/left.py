@@ -7,6 +7,7 @@ set leaves. Where what they leave shows anything else, its own diagnosis says wh
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.explain import LINEAR_ERROR
 from trunnion.diagnosis.explanation import Explanation
+from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.in_steps import as_read
 from trunnion.diagnosis.linearised import Linearised
 from trunnion.diagnosis.outliers import far_out_beside
@@ -26,6 +28,7 @@ from trunnion.diagnosis.scan import Dictionary, beside_a_term
 from trunnion.diagnosis.selection import one_by_one
 from trunnion.diagnosis.steps import weights_of
 from trunnion.diagnosis.structure import with_structure
+from trunnion.diagnosis.suspects import rested_on
 from trunnion.diagnosis.whitening import Whiten, sizes_of
 
 
@@ -73,7 +76,8 @@ def left_one_by_one(case: Case) -> Left | None:
     """Return what causes leave that are found one after the other; None: that may not do.
 
     It does where all that they leave is noise, white but for its size, and not next to nothing: no
-    reading is far out, no structure is seen, and steps of readings do not matter.
+    reading is far out, no cause rests on one, no structure is seen, and steps of readings do not
+    matter.
     """
     plain, n = case.plain, len(case.rows)
     sizes = sizes_of(case.whiten, n)
@@ -81,22 +85,40 @@ def left_one_by_one(case: Case) -> Left | None:
         return None
     causes = one_by_one(case.candidates, plain.white, floor=case.floor)
     basis, white = plain.basis, plain.white
-    if causes.blocks:
-        columns = np.concatenate([case.candidates.columns(b) for b in causes.blocks])
-        own = orth(columns.T.astype(np.float64), rcond=case.candidates.dependent)
+    columns = [case.candidates.columns(b).T.astype(np.float64) for b in causes.blocks]
+    if columns:
+        own = orth(np.concatenate(columns, axis=1), rcond=case.candidates.dependent)
         basis = np.concatenate([basis, own], axis=1)
         white = white - own @ (own.T @ white)
     rss, dof = float(white @ white), n - basis.shape[1]
     after = plain.residuals - sizes * (plain.white - white)
     if dof < 1 or rss < LINEAR_ERROR**2 * plain.rss or _in_steps(case, after, dof):
         return None
-    if case.model.allows_outliers and len(far_out_beside(basis, white, case.least_noise)):
+    if case.model.allows_outliers and (
+        len(far_out_beside(basis, white, case.least_noise)) or _rest_on_one(columns, plain, white)
+    ):
         return None
     if beside_a_term(case.dictionary, white, basis, case.floor)[1] < dof:
         return None
     rows = np.asarray(case.model.readings.rows)
     known = case.linearised, case.whiten, case.grid, case.dictionary
     return Left(plain.residuals, after, rows, (), plain.dof - dof, None, *known)
+
+
+def _rest_on_one(causes: Sequence[Floats], plain: Fit, left: Floats) -> bool:
+    """Whether one of some causes, of columns (n, k), rests on one reading, which may be a bad one.
+
+    ``left``: what they leave, (n,).
+    """
+    none = np.zeros((len(left), 0))
+    for i, own in enumerate(causes):
+        others = np.concatenate([none, *causes[:i], *causes[i + 1 :]], axis=1)
+        both = np.concatenate([own, others], axis=1)
+        made = own @ np.linalg.lstsq(both, plain.white, rcond=None)[0][: own.shape[1]]
+        made = made - others @ np.linalg.lstsq(others, made, rcond=None)[0]
+        if rested_on(made, left) is not None:
+            return True
+    return False
 
 
 def _in_steps(case: Case, left: Floats, dof: int) -> bool:
