@@ -93,3 +93,20 @@ def test_a_joint_diagnosis_begins_at_places_that_its_measurements_found() -> Non
         [e.id for e in model.effects].index("positioning:warmup")
     ]
     assert found["warmup"]["tau_min"] in [place["tau_min"] for place in places]
+
+
+def test_products_with_columns_of_another_measurement_are_those_of_all_columns() -> None:
+    """Columns that are zero in a measurement, some or all of them, or none."""
+    rng = np.random.default_rng(8)
+    case = case_of(model_of([axis(rng), axis(rng).with_columns(axis=["Y"] * 110)]))
+    d, n = case.dictionary, len(case.rows)
+    columns = np.stack([d.block(i)[:, 0] for i in range(0, d.count, 7)])
+    r = rng.normal(size=(n, 4))
+    r[: n // 2, 1], r[n // 2 :, 2], r[:, 3] = 0.0, 0.0, 0.0
+    basis = np.zeros((n, 0))
+    for some in ([0], [1], [2], [3], [1, 2], [0, 1, 3]):
+        left = r[:, some]
+        single = d.gains(left, basis)[0][::7]
+        width = np.array([d.block(i).shape[1] for i in range(0, d.count, 7)])
+        expected = (columns @ left) ** 2
+        assert np.allclose(single[width == 1], expected[width == 1], atol=1e-9)

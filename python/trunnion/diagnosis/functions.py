@@ -265,13 +265,12 @@ class Part:
         """
         own = r[self.some]
         seen = own.any(axis=0)
-        if seen.all():
+        if seen.any() and seen.all():
             return self._products(own)
-        found = []
-        for products in self._products(own[:, seen]):
-            out = np.zeros((len(products), own.shape[1]))
-            out[:, seen] = products
-            found.append(out)
+        found = [np.zeros((len(x.gram), own.shape[1])) for x in self.wide]
+        if seen.any():
+            for out, products in zip(found, self._products(own[:, seen]), strict=True):
+                out[:, seen] = products
         return found
 
     def _products(self, own: Floats) -> list[Floats]:
