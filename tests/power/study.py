@@ -123,8 +123,10 @@ class Tally:
     def rate(self, what: str) -> float:
         return float(np.mean([bool(getattr(o, what)) for o in self.outcomes]))
 
-    def verdicts(self, *which: str) -> float:
-        return float(np.mean([o.diagnosis.verdict in which for o in self.outcomes]))
+    @property
+    def alarms(self) -> float:
+        """Share of diagnoses that are not consistent."""
+        return float(np.mean([o.diagnosis.verdict != "consistent" for o in self.outcomes]))
 
     @property
     def alternatives(self) -> float:
