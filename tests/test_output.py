@@ -348,3 +348,10 @@ def test_a_message_about_an_option_speaks_of_it_as_it_is_typed(
     assert done.exit_code == 2
     assert says in done.stderr
     assert "start_at" not in done.stderr
+
+
+def test_a_file_called_as_an_option_is_spoken_of_as_a_file() -> None:
+    """The ending of ``-o program`` was "--program: got the ending ''"."""
+    done = RUN(app, ["plan", str(CROSS / "setup.toml"), "-o", "program"])
+    assert done.exit_code == 2
+    assert "--program" not in done.stderr

@@ -245,9 +245,11 @@ def command(
 
 def _name_as_typed(error: BaseException, context: typer.Context) -> None:
     """Let a message that begins with an argument of Python begin with the option that gave it."""
-    said = str(error)
+    said, given = str(error), {str(value) for value in context.params.values()}
     for option in context.command.params if type(error) is InputError else ():
-        if option.param_type_name == "option" and said.startswith(f"{option.name}: "):
+        is_file = option.name in given  # one that is called as an option is
+        starts = option.param_type_name == "option" and said.startswith(f"{option.name}: ")
+        if starts and not is_file:
             error.args = (f"{option.opts[0]}{said[len(option.name or '') :]}",)
 
 

@@ -46,6 +46,9 @@ OTHER_SIZE = 1.5
 DOUBT_SIGMAS = 3.0
 """Of rounding alike along each line, that touches are late by at least."""
 
+AS_NONE = 0.01
+"""Of the stated tick: one so fine acts as none."""
+
 MIN_TICK = 0.05
 """Of the noise, below which a tick makes no difference to it."""
 
@@ -127,7 +130,7 @@ def _between_looks(data: Touches, setup: Setup, fit: _Late) -> list[str]:
     key, given, unit = _stated_as(setup)
     ticks = fit.ticks(stated, data)
     likely = f"Is probe.{key} right (0: the control latches the position at the trip)?"
-    if fit.as_latched(ticks, data):
+    if fit.as_latched(ticks, stated, data):
         likely = f"Does it latch the position at the trip? Then probe.{key} = 0."
     elif ticks.min() > 0 and fit.gain(ticks, np.zeros(len(data))) > -SURE_LOG:
         likely = f"probe.{key} = {_size(ticks, setup, data):.2g} would do this."
@@ -151,7 +154,7 @@ def _late_by_half_a_tick(data: Touches, setup: Setup, fit: _Late, off: Floats) -
         return []
     stated = ticks_um(setup, data)
     ticks = fit.ticks(stated, data)
-    latched = bool(np.any(stated)) and fit.as_latched(ticks, data)
+    latched = bool(np.any(stated)) and fit.as_latched(ticks, stated, data)
     if latched:
         ticks = np.zeros(len(data))
     elif not ticks.min() > 0:
@@ -168,6 +171,7 @@ def _late_by_half_a_tick(data: Touches, setup: Setup, fit: _Late, off: Floats) -
         return []
     gain, certain = fit.gain(ticks, stated), _beyond_rounding(data, fit, stated)
     sure = gain > SURE_LOG and not _near(ticks, stated)
+    sure &= not latched or fit.scatter_um < rounding_um(setup, data)
     # A larger scatter than a probe's has other causes, unless it is what rounding leaves.
     is_probe = fit.before_um <= NO_PROBE_UM or (gain > 0 and fit.is_of(ticks))
     if not sure and (gain < -SURE_LOG or not (certain and is_probe)):
@@ -285,9 +289,10 @@ class _Late:
         """Ticks (n,), µm, of which touches are half of one late beyond half of the stated one."""
         return np.asarray(stated + 2 * self.late * self._way_of(data))
 
-    def as_latched(self, ticks: Floats, data: Touches) -> bool:
-        """Whether such ticks are none within their uncertainty."""
-        return bool(np.all(np.abs(ticks) <= 2 * SURE_SIGMAS * self.std * self._way_of(data)))
+    def as_latched(self, ticks: Floats, stated: Floats, data: Touches) -> bool:
+        """Whether such ticks are none within their uncertainty, or as good as none."""
+        least = 2 * SURE_SIGMAS * self.std * self._way_of(data)
+        return bool(np.all(np.abs(ticks) <= np.maximum(least, AS_NONE * stated)))
 
     def is_of(self, ticks: Floats) -> bool:
         """Whether what is left is as large as errors of rounding to ticks (n,), µm."""
