@@ -65,7 +65,7 @@ def test_a_run_that_diverges_is_said_so_and_not_logged(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("contour", "simulate", "--feed", "-5"), "feed_mm_min: got -5"),
+        (("contour", "simulate", "--feed", "-5"), "--feed: got -5"),
         (("contour", "simulate", "--controller", "best"), "expected one of independent"),
         (("contour", "simulate", CROSS), "servo: the"),
         (

@@ -284,7 +284,7 @@ def test_touches_without_any_noise_are_put_into_words(tmp_path: Path) -> None:
     assert said.exit_code == 0, said.output
     doubt, verdict = said.output.splitlines()[:2]
     assert doubt.startswith("Every touch lies where the set-up expects it")
-    assert verdict.startswith("Ambiguous: ")
+    assert verdict.startswith("Consistent: ")
 
 
 def _cross_at(a_deg: tuple[float, ...]) -> tuple[tn.Touches, tn.Setup]:
