@@ -158,8 +158,8 @@ def test_on_heads_too_an_absorbed_effect_has_a_size(preset: str) -> None:
 
 def test_errors_that_an_effect_moves_alike_are_all_named() -> None:
     """One of two that move by the same was named, as if the other did not."""
-    sizes = {"length_mm": 80.0, "width_mm": 60.0, "height_mm": 40.0}
-    setup = tn.Setup(tn.Artefact("cuboid", **sizes), machine=tn.Machine(preset="trt-bc"))  # type: ignore[arg-type]
+    cuboid = tn.Artefact("cuboid", length_mm=80.0, width_mm=60.0, height_mm=40.0)
+    setup = tn.Setup(cuboid, machine=tn.Machine(preset="trt-bc"))
     plan = tn.plan(setup)
     said = tn.observability(plan, setup, noise_um=0.5).summary().splitlines()
     (line,) = [one for one in said if one.startswith("probe_lobing: ")]

@@ -205,8 +205,8 @@ def test_the_operator_sees_how_far_it_is(tmp_path: Path) -> None:
     report = run_program(case, tmp_path)
     many = len(case.plan)
     pattern = rf"touch (\d+) of {many}, A(\S+) C(\S+), about (\d+) min left"
-    told = [found for said in report["messages"] if (found := re.search(pattern, said))]
-    numbers = [int(found[1]) for found in told]
+    progress = [found for said in report["messages"] if (found := re.search(pattern, said))]
+    numbers = [int(found[1]) for found in progress]
     turned = np.flatnonzero(
         np.any([np.diff(angle, prepend=np.inf) != 0 for angle in case.plan.rotary_deg.values()], 0)
     )
@@ -214,10 +214,10 @@ def test_the_operator_sees_how_far_it_is(tmp_path: Path) -> None:
     assert numbers[0] == 1
     assert np.diff([*numbers, many + 1]).max() <= 10
     assert len(numbers) <= len(turned) + many / 10
-    for found in told:
+    for found in progress:
         row = int(found[1]) - 1
         assert float(found[2]) == pytest.approx(case.plan["a_deg"][row], abs=1e-3)
         assert float(found[3]) == pytest.approx(case.plan["c_deg"][row], abs=1e-3)
-    left = [int(found[4]) for found in told]
+    left = [int(found[4]) for found in progress]
     assert left == sorted(left, reverse=True)
     assert any("done, touches are in" in said for said in report["messages"])

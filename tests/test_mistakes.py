@@ -186,7 +186,7 @@ def test_an_artefact_in_another_unit_is_named(
     for probe, tables in ((true.probe, "[artefact]"), (ball, "[artefact] and [probe]")):
         given = tn.Setup(artefact=in_unit(artefact, factor), probe=probe)
         for method in methods:
-            said = likely_cause(method, data, given)
+            said = refused_for(method, data, given)
             *others, last = said.split("µm if ")[-1].split(", or if ")
             assert last == f"the lengths in {tables} are in {unit}.", said
             assert [*others] == (RECIPROCAL.get(unit, []) if probe is ball else []), said
@@ -394,6 +394,13 @@ def test_touches_beside_their_approach_are_named(off_mm: float) -> None:
             assert f"rows {above[0]} and {above[1]}" in note or f"{above[0]}, {above[1]}" in note
 
 
+def refused_for(method: Callable[..., Any], data: tn.Touches, given: tn.Setup) -> str:
+    """What touches that a set-up does not fit are said to come from."""
+    with pytest.raises(tn.DataError) as caught:
+        method(data, given)
+    return str(caught.value).partition("Likely cause: ")[2]
+
+
 @pytest.mark.parametrize("preset", ["trt-ca", "trt-bc"])
 @pytest.mark.parametrize("centre", [(-30.0, 10.0, 80.0), (30.0, 70.0, 80.0), (0.0, 0.0, 120.0)])
 def test_a_centre_of_a_sphere_far_from_where_it_stands_is_named(
@@ -406,10 +413,8 @@ def test_a_centre_of_a_sphere_far_from_where_it_stands_is_named(
     for seed in range(3):
         data = tn.simulate(tn.plan(true), true, errors={"EX0C": 20.0}, noise_um=0.5, seed=seed)
         for method in (tn.identify, tn.diagnose):
-            with pytest.raises(tn.DataError) as caught:
-                method(data, given)
             stated = ", ".join(f"{v:g}" for v in centre)
-            said = str(caught.value).partition("Likely cause: ")[2]
+            said = refused_for(method, data, given)
             where = r"with artefact\.centre_mm = \[([\d.]+), ([\d.]+), ([\d.]+)\]"
             found = re.match(rf"the touches fit to \S+ µm {where} \(not \[{stated}\]\)\.$", said)
             assert found, said
@@ -436,10 +441,8 @@ def test_a_place_of_an_artefact_far_from_where_it_stands_is_named(
         data = tn.simulate(tn.plan(true), true, errors={"EX0C": 20.0}, noise_um=0.5, seed=seed)
         assert tn.identify(data, true).notes == ()
         for method in (tn.identify, tn.diagnose):
-            with pytest.raises(tn.DataError) as caught:
-                method(data, given)
             stated = ", ".join(f"{v:g}" for v in wrong)
-            said = str(caught.value).partition("Likely cause: ")[2]
+            said = refused_for(method, data, given)
             where = r"with artefact\.place_mm = \[(\S+), (\S+), (\S+)\]"
             found = re.search(rf"{where} \(not \[{stated}\]\)", said)
             assert found, said

@@ -20,9 +20,8 @@ from trunnion.base.input import path_of
 LOG = logging.getLogger("trunnion.files")
 
 
-PROGRAM = "an NC program"
 WRITTEN = {
-    PROGRAM: (".ngc", ".nc", ".tap", ".mpf", ".spf"),
+    "an NC program": (".ngc", ".nc", ".tap", ".mpf", ".spf"),
     "a page (HTML)": (".html", ".htm"),
     "a log of touches": (".log",),
     "a table of corrections": (".comp", ".tbl"),

@@ -12,7 +12,6 @@ import typer
 
 import trunnion as tn
 from trunnion.base.input import listed_numbers
-from trunnion.base.output import PROGRAM, WRITTEN
 from trunnion.cli.command import (
     LOG,
     Answer,
@@ -20,6 +19,7 @@ from trunnion.cli.command import (
     Output,
     check_log,
     command,
+    is_program,
     one_set_up,
     save,
     save_result,
@@ -170,7 +170,7 @@ def _planned(
     from trunnion.probing.notes import plan_notes
     from trunnion.probing.steps import taken_by_offset
 
-    if output is not None and output.suffix.lower() in WRITTEN[PROGRAM]:
+    if output is not None and is_program(output):
         raise tn.InputError(
             f"--output: got {output}, whose ending is that of a program, for the plan; expected "
             f"plan.csv, say, and --program {output.name} for the program"

@@ -416,12 +416,17 @@ def save(path: Path, write: Callable[[Path], object], what: str = "") -> str:
     return f"wrote {path}"
 
 
+def is_program(path: Path) -> bool:
+    """Whether a control takes a file for a program by the ending of its name."""
+    return path.suffix.lower() in WRITTEN[PROGRAM]
+
+
 def save_result(path: Path, result: Any) -> str:
     """Write a result or data as `save`, as the ending of the name says.
 
     Raises InputError: the ending is one that a control takes for a program.
     """
-    if path.suffix.lower() in WRITTEN[PROGRAM]:
+    if is_program(path):
         raise InputError(
             f"{path}: got the ending {path.suffix!r}, which a control takes for a program, "
             "expected .csv, .json, .xlsx, .parquet, .netcdf or .html"

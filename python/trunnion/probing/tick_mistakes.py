@@ -41,7 +41,7 @@ NOISES = np.geomspace(0.02, 1.5, 30)
 """Noise beside the rounding that is tried, of the scatter."""
 
 OTHER_SIZE = 1.5
-"""Times a tick, from which another is told from it by what a fit leaves of errors of rounding."""
+"""Times a tick, from which a fit distinguishes another by what it leaves of errors of rounding."""
 
 DOUBT_SIGMAS = 3.0
 """Of rounding alike along each line, that touches are late by at least."""
