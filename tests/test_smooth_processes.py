@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import trunnion as tn
+from power.one_machine import drawn
 from trunnion.base.resolution import NO_FLOOR, Floor
 from trunnion.base.units import Floats
 from trunnion.diagnosis.candidates import Candidates
@@ -125,3 +127,9 @@ def test_a_cause_that_a_process_hides_keeps_its_odds() -> None:
     assert 1 / (1 + count) <= stated[:, :4].mean() <= 1.5 / (1 + count)
     error = np.sqrt(true[:, 4:].mean() / true[:, 4:].size)
     assert stated[:, 4:].mean() == pytest.approx(true[:, 4:].mean(), abs=3 * error)
+
+
+def test_beside_a_process_stand_causes_that_share_a_line() -> None:
+    """A drift and a slow axial motion of an axis that turns steadily hold the same line."""
+    sweep = drawn(("sweep", "positioning"), 0, 9).data[0]
+    assert {"axial_3", "drift"} <= tn.diagnose(sweep).named

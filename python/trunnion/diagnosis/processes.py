@@ -9,6 +9,7 @@ from scipy.linalg import orth
 from trunnion.base.resolution import Floor
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats
+from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.coloured import InProcess
 from trunnion.diagnosis.columns import DEPENDENT
@@ -100,13 +101,14 @@ def _compared(
     that is. The best set is first. Of many causes some are left out at a time, or all.
     """
     c, blocks = case.candidates, best.blocks
-    none = np.zeros((len(case.rows), 0))
-    columns = np.concatenate([none, *(c.columns(b).T for b in blocks)], axis=1)
-    widths, many = c.rank[list(blocks)].tolist(), len(blocks) > MAX_REPLACED
+    none, many = np.zeros((len(case.rows), 0)), len(blocks) > MAX_REPLACED
+    own = _independent(c, blocks)
+    columns = np.concatenate([none, *own], axis=1)
+    widths = [x.shape[1] for x in own]
     whole = Sums.together([q.sums(columns) for q in quantities])
-    own = np.split(np.arange(sum(widths)), np.cumsum(widths)[:-1])
+    places = np.split(np.arange(sum(widths)), np.cumsum(widths)[:-1])
     sets = _left_out(len(blocks), FEW_REPLACED if many else len(blocks))
-    found = [whole.without([j for i in gone for j in own[i].tolist()]) for gone in sets]
+    found = [whole.without([j for i in gone for j in places[i].tolist()]) for gone in sets]
     if many:
         nothing = Sums.together([q.sums(none) for q in quantities])
         sets.append(tuple(range(len(blocks))))
@@ -117,6 +119,23 @@ def _compared(
     scores += np.array([np.sum(np.delete(penalty, gone)) for gone in sets])[:, None]
     least = np.argmin(scores, axis=1).tolist()
     return [(float(s[i]), x[i], i) for s, x, i in zip(scores, deviances, least, strict=True)]
+
+
+def _independent(c: Candidates, blocks: Sequence[int]) -> list[Floats]:
+    """Columns of blocks (n, k); of one that those before make in part, what they leave of it.
+
+    A drift and a slow motion of the axis both hold a straight line where the axis turns steadily.
+    """
+    every = [np.asarray(c.columns(b).T, dtype=np.float64) for b in blocks]
+    if not every or np.linalg.eigvalsh(c.gram(blocks))[0] > c.dependent:
+        return every
+    made, out = np.zeros((len(every[0]), 0)), list[Floats]()
+    for own in every:
+        turned, size, _ = np.linalg.svd(own - made @ (made.T @ own), full_matrices=False)
+        left = turned[:, size**2 > c.dependent]
+        out.append(own if left.shape[1] == own.shape[1] else left)
+        made = np.concatenate([made, left], axis=1)
+    return out
 
 
 def _left_out(count: int, most: int) -> list[tuple[int, ...]]:
