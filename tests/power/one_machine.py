@@ -7,6 +7,7 @@ measurements an error is hidden that is no cause of the catalogue.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -17,11 +18,10 @@ from numpy.typing import NDArray
 import ballbar_study
 import positioning_twin
 import trunnion as tn
-import turning_blind
 from power.further import moved
 from power.measured_twin import POINT_EFFECTS, SWEEP_EFFECTS, make_points, make_sweep
-from power.random_cases import COUNTS, HYBRID, LEFT, UNKNOWN_SHARE, axislog, size
-from power.study import draw_effects, draw_unknown, ground
+from power.random_cases import COUNTS, HYBRID, LEFT, UNKNOWN_SHARE, axislog, diameters, size
+from power.study import draw_effects, draw_unknown, ground, visible
 from twin.forward import Truth
 from twin.generator import measure, random_errors, random_placement
 
@@ -179,8 +179,9 @@ def _touches(machine: Machine, rng: Rng, count: int) -> list[Made]:
     plan, setup, _, read = ground(name)
     noise = size(own, 0.1, 2.0)
     rms = noise * (size(own, 0.7, 7.0) if name == "paper" else size(own, 0.3, 3.0))
-    effects = draw_effects(own, name, 1, rms) if own.random() < OWN_SHARE else {}
-    effects = {} if machine.bare else effects
+    names = [effect for effect in visible(name) if not effect.startswith(tuple(SHARED))]
+    hidden = () if machine.bare else _one(own, names)
+    effects = draw_effects(own, name, 1, rms, hidden) if hidden else {}
     out = []
     for _ in range(count):
         unknown = _hides(rng)
@@ -252,25 +253,10 @@ def _sweep(machine: Machine, rng: Rng, count: int) -> list[Made]:
 
 
 def _diameters(machine: Machine, _rng: Rng, _count: int) -> list[Made]:
-    """One measurement, of two or three passes."""
+    """One measurement, which shares no cause."""
     own = machine.own("diameters")
-    hidden = tuple(
-        map(
-            str,
-            own.choice(
-                tuple(turning_blind.LAWS), int(own.choice(len(COUNTS), p=COUNTS)), replace=False
-            ),
-        )
-    )
-    unknown = _hides(own)
-    data, setup = turning_blind.measured(
-        int(own.integers(1 << 31)),
-        hidden,
-        int(own.integers(2, 4)),
-        left=[size(own, *LEFT) for _ in range(len(hidden) + unknown)],
-        unknown=unknown,
-    )
-    return [Made(data, setup, frozenset(hidden), unknown)]
+    one = diameters(own, int(own.integers(1 << 31)))
+    return [Made(one.data, one.setup, one.hidden, one.unknown)]
 
 
 def _bars(exact: Any, rng: Rng, noise_um: float, more: Floats | float = 0.0) -> Any:
@@ -357,7 +343,9 @@ def _positioning(machine: Machine, rng: Rng, count: int) -> list[Made]:
 
 
 def _axislog(machine: Machine, rng: Rng, _count: int) -> list[Made]:
-    one = axislog(rng, machine.seed % 1_000_000)
+    """One log of a servo without backlash, which other measurements would see."""
+    logs = (axislog(rng, number) for number in itertools.count(machine.seed % 1_000_000))
+    one = next(log for log in logs if not any(id_.startswith("backlash") for id_ in log.hidden))
     return [Made(one.data, one.setup, one.hidden, one.unknown)]
 
 
