@@ -171,10 +171,10 @@ def fit(
             break
         lengths = solved.lengths(last)
         step = lengths @ problem.directions
-        taken = _downhill(problem, at, step, rss)
-        held = taken is None and bool(problem.beyond(at, step).any())
+        held = bool(problem.beyond(at, step).any())
         if held:
-            taken = _downhill(problem, at, problem.within(at, jac, w, step), rss)
+            step = problem.within(at, jac, w, step)
+        taken = _downhill(problem, at, step, rss)
         if taken is None:
             break
         at, r, w, rss_new, whole = taken
@@ -328,7 +328,10 @@ class _Problem:
 
     def beyond(self, at: _Point, step: Array) -> Flags:
         """Which parameters a step would take beyond their bounds, (p,)."""
-        return np.asarray(np.abs(self.room(at, step) - step) > 1e-12 * np.abs(step))
+        count = len(at.nuisance)
+        steps = zip(self.index, step[count:], strict=True)
+        after = [(p.bounds, at.values[e.id][p.name] + d) for (e, p), d in steps]
+        return np.array([False] * count + [not low <= x <= high for (low, high), x in after])
 
     def reached(self, at: _Point, step: Array) -> list[float]:
         """Values of the effects' parameters after a step, within their bounds."""
