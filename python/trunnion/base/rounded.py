@@ -15,8 +15,12 @@ places is one of a larger noise, so all of it is in closed form. Readings that r
 no more than one does where there is no noise; P of several is then one with a nearer edge. Every
 noise counts by how probable it makes the readings, and before them each as Jeffreys says: evenly in
 √s. A reading tells of ln s only where the machine is near an edge, so that its information is 2.2 s
-per step (its root within 4 % up to half a step). Standard errors, which expectation propagation
-gets wrong by up to a tenth, are those of machines that are drawn (:mod:`.read_alike`).
+per step (its root within 4 % up to half a step). Where the machine is to be found as well, n
+readings tell less of a noise below 10/n steps: a quarter of that at 3/n, hardly anything at 1/n
+(532 touches, 14 parameters). Counted by that, such noises would count less still, and intervals of
+readings without noise, which hold more than 95 % as it is, would be 5 % wider. Standard errors,
+which expectation propagation gets wrong by up to a tenth, are those of machines that are drawn
+(:mod:`.read_alike`).
 """
 
 from collections.abc import Sequence
