@@ -438,3 +438,30 @@ def test_a_run_goes_on_from_a_touch_of_the_plan(tmp_path: Path, first: str, said
     done = CliRunner().invoke(app, ["program", str(plan), str(setup), "--from", first])
     assert done.exit_code != 0
     assert said in done.stderr
+
+
+@pytest.mark.parametrize("tick_um", [0.0, 10.0])
+@pytest.mark.parametrize("step_um", [0.0, 0.1, 20.0])
+def test_coarse_commands_make_no_plan_of_a_measurement(step_um: float, tick_um: float) -> None:
+    """Errors of a good machine are smaller than a coarse step of commands; a plan has none."""
+    setup = tn.read_setup(tn.sample_path("cross/setup.toml"))
+    setup = replace(
+        setup,
+        probe=replace(setup.probe, tick_um=tick_um, servo_period_ms=0.0),
+        resolution=replace(setup.resolution, linear_um=step_um),
+    )
+    plan = tn.plan(setup)
+    assert "is this the plan" in " ".join(tn.identify(plan, setup).notes)
+    for seed in range(1, 6):
+        made = tn.simulate(plan, setup, {"EX0C": 2.0, "EB0A": 3.0}, noise_um=0.4, seed=seed)
+        assert "is this the plan" not in " ".join(tn.identify(made, setup).notes)
+
+
+def test_a_plan_of_a_set_up_that_states_errors_is_recognised() -> None:
+    """They are in the plan, too."""
+    setup = tn.read_setup(tn.sample_path("cross/setup.toml"))
+    setup = replace(setup, machine=replace(setup.machine, errors={"EX0C": 150.0, "EB0A": 40.0}))
+    plan = tn.plan(setup)
+    assert "is this the plan" in " ".join(tn.identify(plan, setup).notes)
+    made = tn.simulate(plan, setup, {"EX0C": 151.0, "EB0A": 40.0}, noise_um=0.4, seed=1)
+    assert "is this the plan" not in " ".join(tn.identify(made, setup).notes)

@@ -68,6 +68,9 @@ MAX_LONGER_MM = 500.0
 MIN_FREEDOM = 5
 MAX_STEPS = 50
 
+PLANNED_UM = 0.1
+"""From where a touch was planned: what four decimals of a mm in a file round, and no probe's noise."""
+
 TOOL_ENDS = {"to the tip of the ball": -1.0, "beyond the centre of the ball": 1.0}
 """Where else a tool's length may end; how much higher a touch is recorded then, in radii."""
 
@@ -452,17 +455,13 @@ def _vector(values: Sequence[float]) -> str:
 
 
 def _as_planned(data: Touches, model: TouchModel, moves: Moves) -> bool:
-    """Whether every touch is where it was planned, to the step of a command: no machine does that.
+    """Whether every touch is exactly where it was planned: no machine does that.
 
-    Errors that the set-up states are in the plan, too; half a tick, which is taken off a touch that
-    a control has made, is not.
+    However coarse its commands are: errors may be smaller than a step of them. Half a tick, which
+    is taken off a touch that a control has made, is in no plan.
     """
-    setup = model.setup
-    if setup.machine.errors:
-        return False
     off = np.asarray(model.core.residuals(moves, model.values()))
-    late = ticks_um(setup, data) / 2
-    return bool(np.all(np.abs(np.abs(off) - late) < setup.resolution.linear_um))
+    return bool(np.all(np.abs(off + ticks_um(model.setup, data) / 2) < PLANNED_UM))
 
 
 def _scatter_um(data: Touches, setup: Setup) -> float:
