@@ -425,6 +425,26 @@ def test_a_comparison_says_whose_frame_is_another() -> None:
     assert any(note.startswith("wcs_y_mm was 148.2 with the first") for note in shifted.notes)
 
 
+def test_all_that_differs_between_two_frames_is_said() -> None:
+    """By all that compares two measurements, with the digits in which work offsets differ."""
+    first, moved = in_frame(), {"wcs_x_mm": CENTRE[0] + 0.0002, "wcs_a_deg": 0.5}
+    other = in_frame(**moved, control_corrected=1)
+    after = other.with_columns(time_s=other["time_s"] + 1e6)
+    said = (
+        r"^wcs_x_mm: got 210\.5002 .*, expected 210\.5 as in .*; wcs_a_deg: got 0\.5, expected 0; "
+        "control_corrected: got 1, expected 0: "
+    )
+    with pytest.raises(tn.InputError, match=said):
+        first.followed_by(after)
+    with pytest.raises(tn.DataError, match=said):
+        tn.diagnose([first, other], SETUP)
+    notes = tn.compare(first, other, setup=SETUP).notes
+    assert sum("changes are those that the control's corrections make" in one for one in notes) == 1
+    (frame,) = (one for one in notes if "about the axes of the work offset" in one)
+    assert frame.startswith("wcs_x_mm was 210.5 with the first measurement, 210.5002 with measure")
+    assert "; wcs_a_deg was 0, then 0.5: " in frame
+
+
 def test_the_command_refuses_what_does_not_fit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -132,6 +132,13 @@ def test_what_the_control_did_is_refused_or_said() -> None:
     assert moved.startswith("wcs_x_mm was 210.5 before and is 211 after")
     with pytest.raises(tn.DataError, match=r"^wcs_a_deg: got 0.5 after, expected 0 as before"):
         tn.verify_ball(framed(after, wcs_a_deg=0.5, **on), SETUP, before=framed(before))
+    (moved,) = tn.verify_ball(
+        framed(after, wcs_x_mm=211.0, wcs_z_mm=-300.0, **on), SETUP, before=framed(before)
+    ).notes
+    assert "is 211 after; wcs_z_mm was -301 and is -300: " in moved
+    both = {"wcs_a_deg": 0.5, "wcs_c_deg": 1.5}
+    with pytest.raises(tn.DataError, match=r"; wcs_c_deg: got 1.5, expected 0: the work offset"):
+        tn.verify_ball(framed(after, **both), SETUP, before=framed(before, wcs_c_deg=0.0))
     names = tuple(TABLE_2)
     left = tn.Estimate(
         errors=TABLE_2, names=names, covariance=np.eye(len(names)),

@@ -16,7 +16,7 @@ from trunnion.base.units import Floats, Integers
 from trunnion.compensation.control import ModelCompensation
 from trunnion.compensation.machine import MachineErrors
 from trunnion.compensation.uncertainty import draw_changes, freedom_of, taking_part
-from trunnion.data.frame import COLUMNS
+from trunnion.data.frame import COLUMNS, listed
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
 from trunnion.machine.estimate import Estimate
@@ -28,6 +28,7 @@ LEVEL = 0.95
 ROUNDS = 20
 SETTLED_MM = 1e-10
 MAX_DRAWS = 100_000
+MOVED = "{name} was {before} and is {after}"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -310,13 +311,13 @@ def _check_frames(before: Touches, after: Touches) -> None:
             "control_corrected: got touches before with the control's corrections on and those "
             "after without, expected the other way round: were the two files swapped?"
         )
-    shifted = one.differs(other, [name for name in COLUMNS if name.endswith("_deg")])
-    if shifted is not None:
-        name, was, found = shifted
+    shifted = one.differences(other, [name for name in COLUMNS if name.endswith("_deg")])
+    if shifted:
+        said = listed(shifted, "{name}: got {after} after, expected {before} as before")
         raise DataError(
-            f"{name}: got {found:g} after, expected {was:g} as before: the work offset shifts the "
-            "axis otherwise, so that it stood elsewhere at the same positions and the ball moved "
-            "by more than the corrections moved it. Measure both with one work offset"
+            f"{said}: the work offset shifts the axis otherwise, so that it stood elsewhere at the "
+            "same positions and the ball moved by more than the corrections moved it. Measure both "
+            "with one work offset"
         )
 
 
@@ -332,12 +333,12 @@ def _of_frames(before: Touches | None, after: Touches) -> Iterator[str]:
             "without them (COMP_FILE, HOME_OFFSET, the work offset) is verified."
         )
     earlier = None if before is None else before.control_frame
-    moved = None if earlier is None else earlier.differs(frame, [f"wcs_{x}_mm" for x in "xyz"])
-    if moved is not None:
-        name, was, found = moved
+    moved = [] if earlier is None else earlier.differences(frame, [f"wcs_{x}_mm" for x in "xyz"])
+    if moved:
+        said = listed(moved, "{name} was {before} before and is {after} after", MOVED)
         yield (
-            f"{name} was {was:.10g} before and is {found:.10g} after: what another place of the "
-            "work offset does is in the difference, beside what the corrections do."
+            f"{said}: what another place of the work offset does is in the difference, beside what "
+            "the corrections do."
         )
 
 

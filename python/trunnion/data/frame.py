@@ -7,9 +7,9 @@ refuses one that does not fit.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -33,6 +33,47 @@ COLUMNS = (
 """Columns of touches that hold it, alike in every row."""
 OF_THE_MACHINE = tuple(name for name in COLUMNS if name != "tool_length_mm")
 """Those that location errors depend on: the tool length is taken off."""
+GOT_EXPECTED = "{name}: got {after}, expected {before}"
+
+
+class Difference(NamedTuple):
+    """A part of a frame that a later one has otherwise: column or word of a log, both values."""
+
+    name: str
+    before: float | str
+    after: float | str
+
+
+def differences(
+    before: Mapping[str, float] | Mapping[str, str], after: Mapping[str, float] | Mapping[str, str]
+) -> list[Difference]:
+    """Return all parts in which two frames differ, numbers by more than `SAME_FRAME_MM`.
+
+    What one of them does not say does not differ.
+    """
+    return [
+        Difference(name, was, after[name])
+        for name, was in before.items()
+        if name in after and not _alike(was, after[name])
+    ]
+
+
+def _alike(one: float | str, other: float | str) -> bool:
+    a, b = (parse_number(x) if isinstance(x, str) else x for x in (one, other))
+    return one == other if a is None or b is None else abs(a - b) <= SAME_FRAME_MM
+
+
+def listed(found: Sequence[Difference], first: str, more: str = GOT_EXPECTED) -> str:
+    """Say all differences, the first in other words than those behind it.
+
+    first, more: With the names of the fields in braces.
+    """
+    words = (first, *[more] * (len(found) - 1))
+    shown = ((x if isinstance(x, str) else f"{x:.10g}" for x in one) for one in found)
+    return "; ".join(
+        text.format(name=name, before=before, after=after)
+        for text, (name, before, after) in zip(words, shown, strict=True)
+    )
 
 
 @dataclass(frozen=True)
@@ -164,21 +205,15 @@ class ControlFrame:
             other.corrected if self.corrected is None else self.corrected,
         )
 
-    def differs(
-        self, other: ControlFrame, columns: Sequence[str] = COLUMNS
-    ) -> tuple[str, float, float] | None:
-        """Return the first column in which two frames differ, with both values; None: the same.
-
-        What one of them does not say does not differ.
-        """
+    def differences(
+        self, later: ControlFrame, columns: Collection[str] = COLUMNS
+    ) -> list[Difference]:
+        """Return all columns, of some, in which a later frame differs, with both values."""
         mine, theirs = (
-            {name: float(values[0]) for name, values in frame.columns(1).items()}
-            for frame in (self, other)
+            {name: float(values[0]) for name, values in frame.columns(1).items() if name in columns}
+            for frame in (self, later)
         )
-        for name in columns:
-            if name in mine and name in theirs and abs(mine[name] - theirs[name]) > SAME_FRAME_MM:
-                return name, mine[name], theirs[name]
-        return None
+        return differences(mine, theirs)
 
 
 def frame_notes(data: Any) -> tuple[str, ...]:

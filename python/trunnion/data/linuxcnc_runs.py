@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from trunnion.base.errors import FileFormatError
-from trunnion.data.frame import MODES, SAME_FRAME_MM, ControlFrame
+from trunnion.data.frame import GOT_EXPECTED, MODES, ControlFrame, differences, listed
 from trunnion.files.columns import parse_number
 from trunnion.setup.control import WORK_OFFSETS
 
@@ -233,16 +233,14 @@ class Log:
             if first is None:
                 first = (run, frame) if frame else None
                 continue
-            apart = "; ".join(
-                f"{_called(name)}: got {frame[name]}, expected {was}"
-                for name, was in first[1].items()
-                if name in frame and not _alike(frame[name], was)
-            )
+            apart = differences(first[1], frame)
             if apart:
+                said = [one._replace(name=_called(one.name)) for one in apart]
                 raise self.error(
                     self._frame_line(run),
                     0,
-                    f"{apart} as in line {self._frame_line(first[0]) + 1}: the control was "
+                    f"{listed(said, GOT_EXPECTED)} as in line "
+                    f"{self._frame_line(first[0]) + 1}: the control was "
                     "changed between two runs of one measurement, whose touches lie in two "
                     "frames. Measure again from touch 1 with one work offset and tool length, or "
                     "read a copy of the log without one of the runs",
@@ -252,12 +250,6 @@ class Log:
 def _called(part: str) -> str:
     """Return what people call a part of a frame."""
     return CALLED.get(part, f"work offset {part}")
-
-
-def _alike(one: str, other: str) -> bool:
-    """Whether two words of a state, or two lengths, are the same."""
-    a, b = parse_number(one), parse_number(other)
-    return one == other if a is None or b is None else abs(a - b) <= SAME_FRAME_MM
 
 
 def spans(numbers: Iterable[int]) -> str:

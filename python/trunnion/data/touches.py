@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats
-from trunnion.data.frame import COLUMNS, SAME_FRAME_MM, ControlFrame
+from trunnion.data.frame import COLUMNS, SAME_FRAME_MM, ControlFrame, listed
 from trunnion.files.columns import (
     ColumnError,
     Int,
@@ -143,13 +143,12 @@ class Touches(Table):
     def _frame_with(self, later: "Touches") -> ControlFrame:
         """Return the frame of touches that others follow; refuse two that differ."""
         first, then = self.control_frame or ControlFrame(), later.control_frame or ControlFrame()
-        found = first.differs(then)
-        if found is not None:
-            name, before, after = found
+        if found := first.differences(then):
+            said = "{name}: got {after} in the touches that follow, expected {before} as in those "
             raise InputError(
-                f"{name}: got {after:g} in the touches that follow, expected {before:g} as in "
-                "those before: the control was changed between them, and they lie in two frames. "
-                "Measure all of them with one work offset, tool length and kinematics"
+                f"{listed(found, said + 'before')}: the control was changed between them, and they "
+                "lie in two frames. Measure all of them with one work offset, tool length and "
+                "kinematics"
             )
         return first.beside(then)
 

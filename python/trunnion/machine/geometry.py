@@ -14,7 +14,7 @@ import numpy as np
 
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.units import Floats
-from trunnion.data.frame import OF_THE_MACHINE
+from trunnion.data.frame import OF_THE_MACHINE, listed
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
@@ -184,13 +184,13 @@ def of_one_machine(estimates: Sequence[Any]) -> tuple[str, ...]:
             )
         if frames[0] is None or frames[i] is None:
             continue
-        found = frames[0].differs(frames[i], OF_THE_MACHINE)
-        if found is not None:
-            name, before, after = found
-            notes.append(
-                f"{name} was {before:g} with the first measurement, {after:g} with measurement "
-                f"{i + 1}: {CHANGED[name == 'control_corrected']}."
-            )
+        found = frames[0].differences(frames[i], OF_THE_MACHINE)
+        for corrections, why in enumerate(CHANGED):
+            some = [one for one in found if (one.name == "control_corrected") == corrections]
+            if some:
+                said = "{name} was {before} with the first measurement, {after} with measurement "
+                more = "{name} was {before}, then {after}"
+                notes.append(f"{listed(some, f'{said}{i + 1}', more)}: {why}.")
     return tuple(notes)
 
 

@@ -18,7 +18,7 @@ from trunnion.base.arguments import checked, name_place
 from trunnion.base.checks import choose, nearest
 from trunnion.base.errors import DataError, InputError, TrunnionError
 from trunnion.data.distinct import distinct_rows, given_again
-from trunnion.data.frame import OF_THE_MACHINE, frame_notes
+from trunnion.data.frame import OF_THE_MACHINE, frame_notes, listed
 from trunnion.data.times import time_notes
 from trunnion.data.touches import Touches
 from trunnion.diagnosis.effect import EffectLike
@@ -426,14 +426,12 @@ def _refuse_other_frames(data: Sequence[Any]) -> None:
     frames = [(i, one.control_frame) for i, one in enumerate(data) if isinstance(one, Touches)]
     known = [(i, frame) for i, frame in frames if frame is not None]
     for i, frame in known[1:]:
-        found = known[0][1].differs(frame, OF_THE_MACHINE)
-        if found is not None:
-            name, before, after = found
+        if found := known[0][1].differences(frame, OF_THE_MACHINE):
+            got = f"{{name}}: got {{after}} in measurement {i + 1}, expected {{before}} as in "
             raise DataError(
-                f"{name}: got {after:g} in measurement {i + 1}, expected {before:g} as in "
-                f"measurement {known[0][0] + 1}: location errors are about the axes of the work "
-                "offset, and those that corrections leave are others. Diagnose each by itself; "
-                "trunnion.compare says what changed"
+                f"{listed(found, f'{got}measurement {known[0][0] + 1}')}: location errors are "
+                "about the axes of the work offset, and those that corrections leave are others. "
+                "Diagnose each by itself; trunnion.compare says what changed"
             )
 
 

@@ -69,7 +69,7 @@ MIN_FREEDOM = 5
 MAX_STEPS = 50
 
 PLANNED_UM = 0.1
-"""From where a touch was planned: what four decimals of a mm in a file round, and no probe's noise."""
+"""From where a touch was planned: less than a probe's noise, as four decimals of a mm round it."""
 
 TOOL_ENDS = {"to the tip of the ball": -1.0, "beyond the centre of the ball": 1.0}
 """Where else a tool's length may end; how much higher a touch is recorded then, in radii."""
