@@ -367,12 +367,51 @@ def test_a_probe_or_places_of_axes_in_another_unit_are_named(factor: float, unit
     data = tn.simulate(tn.plan(true), true, errors={"EX0C": 20.0}, noise_um=0.5, seed=6)
     wrong = (0.0, factor * 12.0, factor * -40.0)
     for given, words in (
-        (replace(true, probe=tn.Probe(ball_radius_mm=1.5 * factor)), "the lengths in [probe]"),
+        (replace(true, probe=tn.Probe(ball_radius_mm=1.5 * factor)), "probe.ball_radius_mm is in "),
         (replace(true, axes={"A": tn.AxisSetup(point_mm=wrong)}), "the places of the axes"),
     ):
-        said = likely_cause(tn.identify, data, given)
+        said = likely_cause(tn.identify, data, given).replace(" was taken", " were taken")
         assert words in said, said
-        assert f"are in {unit}" in said
+        assert f" in {unit}" in said
+
+
+@pytest.mark.parametrize(
+    ("kind", "lengths", "wrong"),
+    [
+        ("cross", {"width_mm": 25.0}, ("width_mm", "height_mm", "ball_radius_mm")),
+        (
+            "cross",
+            {"length_mm": 120.0, "width_mm": 30.0, "height_mm": 20.0},
+            ("width_mm", "height_mm", "ball_radius_mm"),
+        ),
+        (
+            "cuboid",
+            {"length_mm": 80.0, "width_mm": 60.0, "height_mm": 30.0, "place_mm": (5.0, 40.0, 0.0)},
+            ("length_mm", "width_mm", "height_mm", "place_mm", "ball_radius_mm"),
+        ),
+        (
+            "sphere",
+            {"diameter_mm": 25.0, "centre_mm": (60.0, 30.0, 40.0)},
+            ("diameter_mm", "centre_mm", "ball_radius_mm"),
+        ),
+    ],
+)
+def test_one_length_of_a_set_up_in_inches_is_named_alone(
+    kind: str, lengths: dict[str, Any], wrong: tuple[str, ...]
+) -> None:
+    """Whatever the others are: as they are by default, or stated. No other length is suspected."""
+    true = tn.Setup(tn.Artefact(kind, **lengths), probe=tn.Probe(ball_radius_mm=1.0))
+    data = tn.simulate(tn.plan(true), true, errors={"EX0C": 20.0}, noise_um=0.5, seed=103)
+    for name in wrong:
+        part = "probe" if name == "ball_radius_mm" else "artefact"
+        table: Any = getattr(true, part)
+        value = np.divide(getattr(table, name), 25.4).tolist()
+        changed = {name: tuple(value) if isinstance(value, list) else value}
+        given = replace(true, **{part: replace(table, **changed)})
+        said = likely_cause(tn.identify, data, given)
+        assert f"if {part}.{name} is in inches" in said, said
+        assert "the lengths in" not in said
+        assert said.count("in inches") == 1
 
 
 @pytest.mark.parametrize("off_mm", [0.4, 1.5])
