@@ -471,7 +471,7 @@ def test_one_plan_with_and_without_tool_centre_point_control(tmp_path: Path) -> 
         ("G54 210.5 148.2 -301 tool length 100 A 0.0 C 0.0 machine", ()),
         ("G54 210.9 148.2 -301 tool length 100", ("Line 2 of touches.log: G54 was at 210.9, 148.2, -301, 0.4 mm from control.centre_mm = [210.5, 148.2, -301]", "state centre_mm = [210.9, 148.2, -301] before a compensation")),
         ("G55 210.5 148.2 -301 tool length 100 A 0.137 C 0.0 machine", ("Line 2 of touches.log: G55 shifts A by 0.137 deg", "measure again")),
-        ("G54 210.5 148.2 -301 tool length 100 A 0.0 C 0.0 corrected", ("Line 2 of touches.log: measured with the control's corrections on: right for what they leave (trunnion verify", "for one, measure without them")),
+        ("G54 210.5 148.2 -301 tool length 100 A 0.0 C 0.0 corrected", ("Line 2 of touches.log: the control's corrections were on while it measured", "trunnion verify and", "for one, measure without")),
     ],
 )  # fmt: skip
 def test_what_a_compensation_must_know_of_the_work_offset_is_said(

@@ -156,7 +156,7 @@ def test_errors_that_were_sorted_keep_their_axes_and_frame() -> None:
     for kept in (known, known.only(())):
         with pytest.raises(tn.DataError, match=r"^axes.A.point_mm"):
             tn.volumetric_error(points(), kept)
-        with pytest.raises(tn.DataError, match="corrections on"):
+        with pytest.raises(tn.DataError, match="corrections were on"):
             tn.cnc_parameters(SETUP, kept)
 
 
@@ -278,7 +278,7 @@ def in_frame(**columns: float) -> tn.Touches:
 BAD_FRAMES: dict[str, tuple[dict[str, float], tuple[str, ...]]] = {
     "corrections": (
         {"control_corrected": 1},
-        ("the control's corrections on", "measure without them"),
+        ("the control's corrections were on", "measure without corrections"),
     ),
     "shift of A": ({"wcs_a_deg": 0.137}, ("shifts A by 0.137 deg", "HOME_OFFSET")),
     "shift of C": ({"wcs_c_deg": -1.5}, ("shifts C by -1.5 deg", "measure again")),
@@ -458,7 +458,7 @@ def test_the_command_refuses_what_does_not_fit(
         run("estimate", f"{name}.csv", "setup.toml", "-o", f"{name}.json")
     for errors, setup, says in (
         ("off.json", "other.toml", "axes.A.point_mm: got [0, 0, 0] in other.toml, expected [0, 0,"),
-        ("on.json", "setup.toml", "measured with the control's corrections on"),
+        ("on.json", "setup.toml", "the control's corrections were on"),
     ):
         for control in ((), ("--control", "linuxcnc")):
             assert says in run("compensate", errors, setup, *control, code=2)

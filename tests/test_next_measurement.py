@@ -197,3 +197,29 @@ def test_touches_whose_clock_begins_anew_follow_after_a_stated_pause(tmp_path: P
         (tmp_path / "both.csv").unlink()
     refused = CliRunner().invoke(app, [*words[:-2], "--pause", "100"])
     assert "--pause: got it without --after" in refused.stderr
+
+
+def test_a_plan_is_not_followed_by_touches(tmp_path: Path) -> None:
+    """With them in one file nothing would show it. Other mistakes are said, and are no refusal."""
+    setup, first, plan, log = (tmp_path / n for n in ("s.toml", "1.csv", "next.csv", "next.log"))
+    made = tn.Setup(tn.Artefact("cross"))
+    setup.write_text(made.to_toml())
+    whole = tn.plan(made)
+    whole[60:].to_csv(plan)
+    command = ["simulate", str(plan), str(setup), "--probe-log", str(log), "--quiet", "--noise-um"]
+    assert CliRunner().invoke(app, [*command, "0.3", "--seed", "1"]).exit_code == 0
+    out = ["--output", str(tmp_path / "both.csv"), "--pause", "10"]
+    whole[:60].to_csv(first)
+    for words in (
+        ["touches", str(plan), str(log), "--after", str(plan)],
+        ["touches", str(plan), str(log), str(setup), "--after", str(first)],
+    ):
+        refused = CliRunner().invoke(app, [*words, *out])
+        assert refused.exit_code == 2
+        assert "got touches that all lie exactly where they were planned" in refused.stderr
+        assert not (tmp_path / "both.csv").exists()
+    first.unlink()
+    tn.simulate(whole[:60], made, {"EZ0A": -1000.0}, noise_um=0.3, seed=2).to_csv(first)
+    said = CliRunner().invoke(app, [*words, *out])
+    assert said.exit_code == 0, said.output
+    assert "1.csv: The artefact is found 1000 µm below its place in the set-up" in said.output

@@ -1,8 +1,10 @@
 """A ball on the table before and after corrections: machine and touches of the test's own."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -144,10 +146,64 @@ def test_what_the_control_did_is_refused_or_said() -> None:
         errors=TABLE_2, names=names, covariance=np.eye(len(names)),
         control_frame=framed(after, **on).control_frame,
     )  # fmt: skip
-    with pytest.raises(tn.DataError, match=r"^estimate: expected the one that .* corrections on"):
+    with pytest.raises(
+        tn.DataError, match=r"^estimate: expected the one that .* corrections were on"
+    ):
         tn.verify_ball(framed(after, **on), SETUP, estimate=left, draws=100)
     plain = replace(left, control_frame=framed(before).control_frame)
     assert tn.verify_ball(framed(after, **on), SETUP, estimate=plain, draws=100).forecast_um
+
+
+def likely(after: tn.Touches, setup: tn.Setup = SETUP, **more: Any) -> str:
+    """What a verification names as likely wrong: in its first lines, or in its refusal."""
+    try:
+        found = tn.verify_ball(after, setup, draws=100, **more)
+    except tn.DataError as error:
+        return str(error)
+    assert found.sentences()[: len(found.mistakes)] == found.mistakes
+    return " ".join(found.mistakes)
+
+
+def test_mistakes_are_named_as_a_diagnosis_names_them() -> None:
+    """In either measurement, and in the set-up; sound ones are not asked about."""
+    before, after = shown_by_control(TABLE_2, {}, 3e-4, 7), shown_by_control(TABLE_2, TABLE_2, 3e-4)
+    assert likely(after, before=before) == ""
+    plan = "is this the plan, not what was measured?"
+    assert likely(PLAN).endswith(plan)
+    assert likely(after, before=PLAN).startswith("before: Every touch")
+    assert likely(PLAN, before=before).startswith("after: Every touch")
+    assert likely(PLAN, before=PLAN).startswith("Every touch")
+    few = tn.plan(SETUP, c_deg=(0, 120), a_deg=(0,))  # fewer touches than parameters
+    assert len(few) == 10
+    assert likely(few).endswith(plan)
+    mirrored = replace(SETUP, axes={"A": tn.AxisSetup(sense=-1)})
+    assert "Likely cause: the touches fit to" in likely(after, mirrored)
+    assert "sense = 1 of axis A" in likely(after, mirrored, before=before)
+    assert "artefact.centre_mm = [60.1, 39.8, 65.2]" in likely(
+        after, replace(SETUP, artefact=replace(BALL, centre_mm=(-60.0, 90.0, 10.0)))
+    )
+    other = replace(SETUP, machine=tn.Machine("trt-bc"))
+    assert 'preset = "trt-ca"' in likely(after, other)
+    inches = replace(BALL, diameter_mm=25.0 / 25.4)
+    assert "artefact.diameter_mm is in inches" in likely(after, replace(SETUP, artefact=inches))
+
+
+@pytest.mark.parametrize("shift_arcsec", [36.0, -360.0, 800.0, 3000.0])
+def test_a_shift_of_a_that_no_frame_says_is_named(shift_arcsec: float) -> None:
+    """By what is left: A stands elsewhere at the same positions."""
+    names = tuple(TABLE_2)
+    known = tn.Estimate(errors=TABLE_2, names=names, covariance=0.01 * np.eye(len(names)))
+    real = TABLE_2 | {"EA0A": TABLE_2["EA0A"] + shift_arcsec}
+    after = shown_by_control(real, TABLE_2, 3e-4, 21)
+    for more in ({}, {"estimate": known}):
+        found = re.search(r"EA0A (?:=|is) ([-+]\S+) arcsec", likely(after, **more))
+        assert found
+        assert float(found[1]) == pytest.approx(shift_arcsec, abs=1.0, rel=0.01)
+    other = TABLE_2 | {"EX0C": TABLE_2["EX0C"] + 20.0, "EA0A": TABLE_2["EA0A"] + 36.0}
+    assert likely(shown_by_control(other, TABLE_2, 3e-4, 22), estimate=known) == ""
+    for seed in range(31, 36):
+        sound = shown_by_control(TABLE_2, TABLE_2, 3e-4, seed)
+        assert likely(sound, estimate=known) == ""
 
 
 def test_a_program_with_tcp_needs_its_lines() -> None:

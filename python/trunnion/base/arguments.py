@@ -98,11 +98,11 @@ def renumber(error: TrunnionError, rows: Sequence[int]) -> None:
 
 
 def _in_file(message: str, arguments: Iterable[Any]) -> str:
-    """Return a message about measured data with the name of their file, unless it is there."""
-    for each in _from_files(arguments)[:1]:
-        if not any(name in message for name in each.origin.names):
-            return f"{' and '.join(each.origin.names)}: {message}"
-    return message
+    """Return a message about measured data with the name of the first file, unless one is there."""
+    files = [each.origin.names for each in _from_files(arguments)]
+    if not files or any(name in message for names in files for name in names):
+        return message
+    return f"{' and '.join(files[0])}: {message}"
 
 
 def _from_files(arguments: Iterable[Any]) -> list[Any]:

@@ -192,11 +192,14 @@ def touches(
     if plan.suffix.lower() == ".log":
         plan, log = log, plan
     planned = tn.read_touches(plan)
-    measured = read_log(log, planned, tn.read_setup(set_ups[0]) if set_ups else None)
+    setup = tn.read_setup(set_ups[0]) if set_ups else None
+    measured = read_log(log, planned, setup)
     notes = measured.recognised.notes if measured.recognised else ()
     logged, missing = len(measured), _missing(planned, measured)
     if after is not None:
-        measured = _following(tn.read_touches(after), measured, planned, pause)
+        first, doubts = _before(after, planned, setup)
+        notes = (*doubts, *notes)
+        measured = _following(first, measured, planned, pause)
     values = {
         "touches": len(measured),
         "planned": len(planned),
@@ -207,6 +210,30 @@ def touches(
         return Answer(values, (*(f"# {note}" for note in notes), measured.to_csv().rstrip("\n")))
     said = f"{logged} of {len(planned)} planned touches{missing}"
     return Answer(values, (*notes, said, save_result(output, measured)))
+
+
+def _before(
+    path: Path, planned: tn.Touches, setup: Setup | None
+) -> tuple[tn.Touches, tuple[str, ...]]:
+    """Read touches that others follow, and say what is likely wrong with them; refuse a plan.
+
+    In one file with the others nothing would show that it was one.
+    """
+    import numpy as np
+
+    from trunnion.probing.identify import mistakes_of
+    from trunnion.probing.mistakes import PLANNED, PLANNED_UM
+
+    first = tn.read_touches(path)
+    said = () if setup is None else mistakes_of(first, setup)
+    same = first.position_mm.shape == planned.position_mm.shape
+    off_mm = np.abs(first.position_mm - planned.position_mm) if same else np.inf
+    if PLANNED in said or np.max(off_mm) < 1e-3 * PLANNED_UM:
+        raise tn.DataError(
+            f"--after {path}: got touches that all lie exactly where they were planned, expected "
+            "what was measured before: is this the plan?"
+        )
+    return first, tuple(f"{path.name}: {text}" for text in said)
 
 
 def _following(

@@ -8,18 +8,20 @@ from typing import Any
 
 import numpy as np
 
-from trunnion.base.arguments import checked
+from trunnion.base.arguments import checked, name_place
 from trunnion.base.checks import whole
-from trunnion.base.errors import DataError, InputError
+from trunnion.base.errors import DataError, InputError, TrunnionError
 from trunnion.base.report import Cell, Result, Table
-from trunnion.base.units import Floats, Integers
+from trunnion.base.units import ARCSEC, Floats, Integers
 from trunnion.compensation.control import ModelCompensation
-from trunnion.compensation.machine import MachineErrors
+from trunnion.compensation.machine import NOMINAL, MachineErrors
 from trunnion.compensation.uncertainty import draw_changes, freedom_of, taking_part
 from trunnion.data.frame import COLUMNS, listed
+from trunnion.data.mistaken import of_each
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
 from trunnion.machine.estimate import Estimate
+from trunnion.probing.identify import mistakes_of
 from trunnion.probing.model import known_sigma_um, stops_of
 from trunnion.probing.on_table import on_table
 from trunnion.setup import Setup
@@ -28,6 +30,8 @@ LEVEL = 0.95
 ROUNDS = 20
 SETTLED_MM = 1e-10
 MAX_DRAWS = 100_000
+FAR_BEYOND = 3.0
+"""Times as much as is expected, from which what is left is asked for a shift of an axis."""
 MOVED = "{name} was {before} and is {after}"
 
 
@@ -49,6 +53,9 @@ class BallVerification(Result):
         Interval (95 %) of the largest distance that touches alone would leave.
     forecast_um
         The same for touches and the uncertainty of the estimate; None without an estimate.
+    mistakes
+        What is likely wrong with the touches or the set-up, as a diagnosis names it, or why more is
+        left than was to be expected.
     notes
         Sentences on what the control did while it measured.
     """
@@ -59,6 +66,7 @@ class BallVerification(Result):
     sigma_um: float
     touches_um: tuple[float, float]
     forecast_um: tuple[float, float] | None = None
+    mistakes: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
     @property
@@ -105,7 +113,7 @@ class BallVerification(Result):
                     "the place of the table that of the set-up, are there effects that the "
                     "estimate does not have (trunnion diagnose)?"
                 )
-        return (*lines, *self.notes)
+        return (*self.mistakes, *lines, *self.notes)
 
     def tables(self) -> tuple[Table, ...]:
         """Every posture."""
@@ -167,9 +175,10 @@ def verify_ball(
     InputError
         An artefact that is no sphere; an estimate without covariance.
     DataError
-        One posture only; a posture whose touches do not give the centre; `before` at other
-        postures than `after`, or with another shift of a rotary axis by the work offset; an
-        estimate of what corrections leave.
+        Touches off the modelled ball, with the likely cause; one posture only; a posture whose
+        touches do not give the centre; `before` at other postures than `after`, or
+        with another shift of a rotary axis by the work offset; an estimate of what corrections
+        leave.
 
     Examples
     --------
@@ -186,6 +195,7 @@ def verify_ball(
         raise InputError(f"artefact: got a {setup.artefact.kind}, expected a sphere on the table")
     whole("draws", draws, 100, MAX_DRAWS)
     whole("seed", seed, 0)
+    mistakes = _mistakes(before, after, setup)
     stops = stops_of(after)
     first = np.unique(stops, return_index=True)[1]
     found = _places(after, stops, setup, "after")
@@ -203,18 +213,22 @@ def verify_ball(
     random = np.random.default_rng(seed)
     noise = _noise(found, random, draws)
     forecast = None
+    mean, rotary = found.centres.mean(axis=0), _postures(after, first)
     if estimate is not None:
-        mean = found.centres.mean(axis=0)
-        rotary = _postures(after, first)
         moved = _left(setup, estimate, mean, rotary, random, draws)
         forecast = _interval(noise + moved)
+    left = _deviations(found.centres)
+    if not mistakes:
+        most = _interval(noise)[1] if forecast is None else forecast[1]
+        mistakes = tuple(_shifts(setup, left, mean, rotary, most))
     return BallVerification(
         rotary_deg={k.upper(): v[first] for k, v in after.rotary_deg.items()},
-        after_um=_deviations(found.centres),
+        after_um=left,
         before_um=earlier,
         sigma_um=found.sigma_um,
         touches_um=_interval(noise),
         forecast_um=forecast,
+        mistakes=mistakes,
         notes=tuple(_of_frames(before, after)),
     )
 
@@ -299,6 +313,50 @@ def _left(
     by = rates[:, numbers] @ np.append(point, 1.0)
     blocks = draw_changes(random, covariance, freedom_of(setup, estimate), draws)
     return np.concatenate([np.einsum("dp,kpi->dki", block, by) for block in blocks])
+
+
+def _mistakes(before: Touches | None, after: Touches, setup: Setup) -> tuple[str, ...]:
+    """Name what is likely wrong with each measurement, and refuse touches that are of no ball."""
+    said = {}
+    for name, touches in (("before", before), ("after", after)):
+        if touches is not None:
+            try:
+                said[name] = mistakes_of(touches, setup)
+            except TrunnionError as error:
+                name_place(error, [touches])
+                raise
+    return of_each(said)
+
+
+def _shifts(
+    setup: Setup, left: Floats, point: Floats, rotary: Floats, most_um: float
+) -> Iterator[str]:
+    """Name the rotary axes of which a shift would do what is left far beyond `most_um`.
+
+    left: µm, (n, 3). point: Mean place of the ball, mm, (3,). rotary: Control's sign, (n, k).
+    """
+    size, chain = _largest(left), Chain(setup)
+    if size < FAR_BEYOND * most_um:
+        return
+    core = NOMINAL.core(setup)
+    names = [name for name, _ in core.parameters]
+    assumed, zeros = ModelCompensation(NOMINAL).control_model(setup)
+    rates = core.truth_rates(assumed, zeros, np.ascontiguousarray(rotary * chain.senses))
+    rates = rates.reshape(len(rotary), len(names), 3, 4) @ np.append(point, 1.0)
+    for letter in chain.letters:
+        zero = f"E{letter}0{letter}"
+        if zero not in names:
+            continue
+        rate = -rates[:, names.index(zero)]  # the ball is found where the machine is not
+        rate = rate - rate.mean(axis=0)
+        turn = float(np.sum(rate * left) / np.sum(rate**2)) if np.any(rate) else 0.0
+        # What is linear here is wrong by about the turn times as much.
+        if _largest(left - turn * rate) <= most_um + abs(turn) * ARCSEC * size:
+            yield (
+                f"What is left is what {zero} = {turn:+.4g} arcsec ({turn / 3600:.3g} deg) alone "
+                f"does: did the work offset shift {letter}, was the axis homed anew, or is the "
+                "correction of this error not in force?"
+            )
 
 
 def _check_frames(before: Touches, after: Touches) -> None:

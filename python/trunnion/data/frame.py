@@ -176,10 +176,11 @@ class ControlFrame:
                 )
         if self.corrected:
             yield (
-                "measured with the control's corrections on: right for what they leave (trunnion "
-                "verify, trunnion compare). A compensation by what is identified would take their "
-                "place: for one, measure without them (trunnion program without --corrected and "
-                "--tcp)."
+                "the control's corrections were on while it measured, so that the errors found are "
+                "those that the corrections leave. trunnion verify and trunnion compare judge the "
+                "corrections by such touches. A compensation takes the errors of the machine "
+                "itself: for one, measure without corrections (trunnion program without "
+                "--corrected and --tcp)."
             )
 
     def refuse_to_compensate(self, setup: Setup) -> None:
@@ -223,6 +224,6 @@ def frame_notes(data: Any) -> tuple[str, ...]:
         return ()
     return (
         "control_corrected is 1: these touches were made with the control's corrections on. Errors "
-        "are what the corrections leave, not those of the machine: right to verify a compensation, "
-        "nothing to make one of.",
+        "are what the corrections leave, not those of the machine: trunnion verify judges a "
+        "compensation by such touches, and none can be made of them.",
     )

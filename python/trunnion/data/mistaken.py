@@ -7,7 +7,7 @@ round in mm.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -163,6 +163,14 @@ def _asked(unit: str, columns: Mapping[str, Floats], smallest_mm: float) -> str:
             how = "differ by" if sizes.spread else "reach"
             return f"{listed(wrong)}: values {how} {size:.3g} {unit} at most: {meant}?"
     return ""
+
+
+def of_each(said: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
+    """Return what is said of each of some measurements with its name, what of all of them once."""
+    first, *others = said.values()
+    of_all = [text for text in first if all(text in other for other in others)]
+    own = [f"{name}: {x}" for name, texts in said.items() for x in texts if x not in of_all]
+    return (*of_all, *own)
 
 
 def of_number(said: str, count: int) -> str:

@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trunnion._core import Moves
-from trunnion.base.arguments import checked
-from trunnion.base.errors import InputError, UnknownNameError
+from trunnion.base.arguments import checked, renumber
+from trunnion.base.errors import InputError, TrunnionError, UnknownNameError
 from trunnion.base.repeats import Repeats
 from trunnion.base.resolution import ANY_PLACE, grown
 from trunnion.base.rows import equal_rows
 from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats, unit_of
+from trunnion.data.distinct import distinct_rows
 from trunnion.data.times import time_notes
 from trunnion.data.touches import Touches
 from trunnion.machine.budget import Source, of_readings
@@ -27,7 +28,7 @@ from trunnion.machine.geometry import made_with
 from trunnion.machine.stated import Stated, contradiction
 from trunnion.probing.estimated import estimated
 from trunnion.probing.inputs import certificate, inputs_of
-from trunnion.probing.mistakes import likely_mistakes
+from trunnion.probing.mistakes import likely_mistakes, mistakes_named, seen_at_once
 from trunnion.probing.model import (
     TouchModel,
     grid_of,
@@ -122,6 +123,31 @@ def mistakes_in(model: TouchModel, data: Touches, moves: Moves) -> tuple[str, ..
     found = _by_the_core(model, moves, how, MAX_STEPS)
     result = _result(model, data, (), found, None)
     return likely_mistakes(result, data, model, moves)
+
+
+def mistakes_of(data: Touches, setup: Setup) -> tuple[str, ...]:
+    """Name what is likely wrong with touches, as a diagnosis of them does.
+
+    Too few of them for the plain model say what shows without its estimates.
+
+    Raises
+    ------
+    DataError
+        Touches off the modelled surface; the message has the likely cause.
+    """
+    own = distinct_rows(data)
+    try:
+        with mistakes_named(own.data, setup):
+            model = TouchModel(setup)
+            moves = model.moves(own.data)
+            if len(own.data) < len(model.names):
+                model.core.residuals(moves, model.values())
+                return seen_at_once(own.data, model, moves)
+            return mistakes_in(model, own.data, moves)
+    except TrunnionError as error:
+        if own.rows is not None:
+            renumber(error, own.rows.tolist())
+        raise
 
 
 def _identified(

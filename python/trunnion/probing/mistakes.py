@@ -40,6 +40,11 @@ MIN_UM = 200.0
 PLANNED_UM = 0.1
 """From where a touch was planned: less than a probe's noise, as four decimals of a mm round it."""
 
+PLANNED = (
+    "Every touch lies where the set-up expects it, the placement of the artefact included: is this "
+    "the plan, not what was measured?"
+)
+
 
 def likely_mistakes(
     result: IdentificationResult, data: Touches, model: TouchModel, moves: Moves
@@ -50,9 +55,8 @@ def likely_mistakes(
     """
     setup, said = model.setup, []
     near = model.values(result.errors, result.placement)
-    planned = result.placement is not None and _as_planned(data, model, moves)
-    of_ticks = [] if planned else tick_mistakes(data, model, moves, near)
-    by_sight = [*length_doubts(setup), *beside(data)]
+    by_sight = seen_at_once(data, model, moves)
+    of_ticks = [] if PLANNED in by_sight else tick_mistakes(data, model, moves, near)
     if of_ticks and np.any(ticks_um(setup, data)):  # half of a wrong one is in all the rest
         return (*by_sight, *of_ticks)
     if result.rms_um > NO_PROBE_UM:
@@ -63,15 +67,18 @@ def likely_mistakes(
     # Where the placement is not estimated, it is in the errors.
     if result.placement is not None and not said:
         said += [*_by_size(result, setup), *_higher_or_longer(result, setup)]
-    if planned:
-        said.append(
-            "Every touch lies where the set-up expects it, the placement of the artefact included: "
-            "is this the plan, not what was measured?"
-        )
-    said += by_sight
-    if doubt := in_other_units(setup.machine.errors):
-        said.append(f"[machine.errors] has {doubt}")
-    return (*said, *of_ticks)
+    return (*said, *by_sight, *of_ticks)
+
+
+def seen_at_once(data: Touches, model: TouchModel, moves: Moves) -> tuple[str, ...]:
+    """Name what shows without any estimate: a plan, lengths and errors of other units, columns."""
+    doubt = in_other_units(model.setup.machine.errors)
+    return (
+        *((PLANNED,) if _as_planned(data, model, moves) else ()),
+        *length_doubts(model.setup),
+        *beside(data),
+        *((f"[machine.errors] has {doubt}",) if doubt else ()),
+    )
 
 
 @contextmanager
