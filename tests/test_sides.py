@@ -65,9 +65,9 @@ def test_compare_says_that_the_approach_differs() -> None:
     change = HIDDEN["curve"](plain, rng) + 3.0 * plain.direction * np.sin(plain.target / 100)
     data = plain.with_columns(measured_mm=plain.measured + 1e-3 * change)
     forward, backward = data[data.direction > 0], data[data.direction < 0]
-    said = "reached from different directions (forward in one measurement, backward in another)"
+    said = "reached from different directions (forward in before, backward in after)"
     assert said in tn.compare(forward, backward).summary()
-    assert "(both in one measurement, forward in" in tn.compare(data, forward).summary()
+    assert "(both in before, forward in" in tn.compare(data, forward).summary()
     lost = data[rng.random(len(data)) > 0.1]
     assert "different directions" not in tn.compare(data, lost).summary()
     odd = (-1.0) ** data.stops[1] == data.direction

@@ -278,8 +278,11 @@ class Positioning(Table):
         except DataError:
             return ()
 
-    def otherwise_reached(self, other: "Positioning") -> str:
-        """Say that another measurement came to the targets from other sides; empty: it did not."""
+    def done_otherwise(self, other: "Positioning", names: Sequence[str]) -> str:
+        """Say that another measurement came to the targets from other sides; empty: it did not.
+
+        names: Of both.
+        """
         mine, theirs = self._sides(), other._sides()
         common = mine.keys() & theirs.keys()
         others = sum(mine[place] != theirs[place] for place in common)
@@ -289,8 +292,8 @@ class Positioning(Table):
         how = [SIDES.get(each, "both") for each in sides]
         where = f" at {others} of {len(common)} targets" if sides[0] == sides[1] else ""
         return (
-            f"The targets were reached from different directions ({how[0]} in one measurement, "
-            f"{how[1]} in another){where}: a change may be the reversal of the axis."
+            f"The targets were reached from different directions ({how[0]} in {names[0]}, {how[1]} "
+            f"in {names[1]}){where}: a change may be the reversal of the axis."
         )
 
     def _sides(self) -> dict[float, frozenset[int]]:

@@ -147,6 +147,8 @@ class MachineComparison(Result):
         Whether there were dates.
     level
         Chance that anything is said to have changed where nothing did.
+    mistakes
+        What is likely wrong with the data of a measurement, as its diagnosis names it.
     notes
         What else a reader should know.
 
@@ -167,6 +169,7 @@ class MachineComparison(Result):
     days: tuple[float, ...]
     dated: bool
     level: float
+    mistakes: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
     def title(self) -> str:
@@ -198,8 +201,9 @@ class MachineComparison(Result):
         level = f"{100 * self.level:.3g} %"
         ends = f"from {self.names[0]} to {self.names[-1]}"
         if not self.quantities:
-            return (f"Nothing to compare {ends}: no quantity is known of both.", *self.notes)
-        lines = []
+            none = f"Nothing to compare {ends}: no quantity is known of both."
+            return (*self.mistakes, none, *self.notes)
+        lines = [*self.mistakes]
         if moved:
             lines.append(f"Changed {ends}: {_listed([q.sentence() for q in moved])}.")
         else:
@@ -281,6 +285,18 @@ def _chance(p: float) -> Shown:
 def _listed(parts: Sequence[str], mark: str = "; ") -> str:
     more = len(parts) - MAX_NAMED
     return mark.join(parts[:MAX_NAMED]) + (f"; and {more} more" if more > 0 else "")
+
+
+def done_otherwise(names: Sequence[str], data: Sequence[Any]) -> list[str]:
+    """Say what was done otherwise than in the first measurement, and looks like a change.
+
+    names: Of the measurements.
+    """
+    said = getattr(data[0], "done_otherwise", None)
+    if said is None:
+        return []
+    others = zip(names[1:], data[1:], strict=True)
+    return [text for name, other in others if (text := said(other, (names[0], name)))]
 
 
 def not_compared(

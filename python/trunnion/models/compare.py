@@ -22,6 +22,7 @@ from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result
 from trunnion.base.units import Floats, unit_of
+from trunnion.data.mistaken import of_each
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import Cause
 from trunnion.diagnosis.refit import Refit, refit
@@ -30,7 +31,14 @@ from trunnion.files.table import Table
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.machine.geometry import of_one_machine
-from trunnion.models.changes import Change, MachineComparison, Trend, meaning, not_compared
+from trunnion.models.changes import (
+    Change,
+    MachineComparison,
+    Trend,
+    done_otherwise,
+    meaning,
+    not_compared,
+)
 from trunnion.models.kinds import as_table, diagnose
 
 COVERAGE = 0.95
@@ -132,12 +140,13 @@ def compare(
     diagnosed = [s.diagnosis for s in sources if s.diagnosis is not None]
     notes = list(of_one_machine([s.made for s in sources]))
     shown = _names(names, dates, len(sources))
+    doubts = (getattr(s.diagnosis, "mistakes", ()) for s in sources)
     vectors: dict[str, tuple[_Vector, ...]] = {}
     if diagnosed:
         found = _joined(_of_standard([d.data for d in diagnosed], notes))
         fitted, vectors = _fitted(diagnosed, notes)
         found = {**found, **fitted}
-        notes += _otherwise([d.data for d in diagnosed])
+        notes += done_otherwise(shown, [d.data for d in diagnosed])
     else:
         found = _joined([s.values for s in sources])
         stds = [{n: v.std for n, v in s.values.items()} for s in sources]
@@ -147,8 +156,7 @@ def compare(
         name: tuple(_with(v, (uncertainty or {}).get(name, 0.0)) for v in values)
         for name, values in found.items()
     }
-    wrong = sorted(set(uncertainty or {}) - set(known))
-    if wrong:
+    if wrong := sorted(set(uncertainty or {}) - set(known)):
         raise InputError(f"uncertainty: got {wrong[0]!r}, expected one of {', '.join(known)}")
     tested = [_change(name, v[0], v[-1]) for name, v in known.items()]
     tested += [_of_many(name, v[0], v[-1]) for name, v in vectors.items()]
@@ -161,6 +169,7 @@ def compare(
         days=days,
         dated=dates is not None,
         level=level,
+        mistakes=of_each(dict(zip(shown, doubts, strict=True))),
         notes=tuple(dict.fromkeys(notes)),
     )
 
@@ -202,13 +211,6 @@ def _of_standard(data: Sequence[Any], notes: list[str]) -> list[dict[str, _Value
     return [
         {k: v for result in d.results(data) for k, v in _of_result(result).items()} for d in data
     ]
-
-
-def _otherwise(data: Sequence[Any]) -> list[str]:
-    """Say what was done otherwise than in the first measurement, and looks like a change."""
-    if not hasattr(data[0], "otherwise_reached"):
-        return []
-    return [text for other in data[1:] if (text := data[0].otherwise_reached(other))]
 
 
 def _of_result(result: Any) -> dict[str, _Value]:
@@ -418,9 +420,8 @@ def _of_many(name: str, one: _Vector, other: _Vector) -> Change:
 def _judged(changes: Sequence[Change], level: float) -> tuple[Change, ...]:
     """Correct p-values for their number (Holm), and order."""
     corrected = _holm([c.p_value for c in changes])
-    out = [
-        replace(c, p_value=p, changed=p < level) for c, p in zip(changes, corrected, strict=True)
-    ]
+    pairs = zip(changes, corrected, strict=True)
+    out = [replace(c, p_value=p, changed=p < level) for c, p in pairs]
     return tuple(sorted(out, key=lambda c: (not c.changed, -abs(c.change) / c.std_error)))
 
 
@@ -443,8 +444,9 @@ def _trends(
         y = np.array([x.value for x in v])
         std = np.maximum([x.std for x in v], MIN_STD * max(float(np.abs(y).max()), 1.0))
         design = np.column_stack([np.ones_like(t), t - t.mean()]) / std[:, None]
-        cofactor = np.linalg.inv(design.T @ design)
-        found = cofactor @ design.T @ (y / std)
+        q, r = np.linalg.qr(design)  # of an exact measurement beside others, too
+        inverse = np.linalg.inv(r)
+        cofactor, found = inverse @ inverse.T, inverse @ (q.T @ (y / std))
         free = len(t) - 2
         birge = float(np.sum((y / std - design @ found) ** 2)) / free
         error = math.sqrt(cofactor[1, 1] * max(birge, 1.0))
@@ -459,10 +461,8 @@ def _trends(
              outside, v[0].label)
         )  # fmt: skip
     corrected = _holm([r[4] for r in rows])
-    return tuple(
-        Trend(*r[:4], p, p < level, *r[5:9], label=r[9])
-        for r, p in zip(rows, corrected, strict=True)
-    )
+    pairs = zip(rows, corrected, strict=True)
+    return tuple(Trend(*r[:4], p, p < level, *r[5:9], label=r[9]) for r, p in pairs)
 
 
 # --- when

@@ -31,7 +31,7 @@ from trunnion.files.table import named_columns
 from trunnion.machine.effects import EffectInfo
 from trunnion.models.agreement import with_contradictions
 from trunnion.models.joint import JointModel
-from trunnion.models.mistaken import mistake_notes, refusal_explained
+from trunnion.models.mistaken import refusal_explained, with_mistakes, with_mistakes_of_each
 from trunnion.models.several import Measured, joined, joint_model
 from trunnion.probing.model import catalogue as touch_catalogue
 from trunnion.setup import Setup
@@ -341,10 +341,8 @@ def _alone(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Diagno
     if model is data:
         return found
     found = replace(found, data=data, setup=setup, candidates=tuple(effects))
-    mistakes = mistake_notes(found, model, used, setup, _built)
-    own = (note for note in mistakes if note not in found.notes)
-    notes = (*own, *frame_notes(data), *time_notes(data), *found.notes)
-    found = replace(found, mistakes=mistakes, notes=notes)
+    found = replace(found, notes=(*frame_notes(data), *time_notes(data), *found.notes))
+    found = with_mistakes(found, model, used, setup, _built)
     if isinstance(setup, Setup) and setup.machine.tolerance:
         tolerance = setup.machine.tolerance
         contributions = tuple(c.with_tolerance(tolerance) for c in found.contributions)
@@ -394,6 +392,7 @@ def _of_several(data: Sequence[Any], setup: Any, effects: Sequence[EffectLike | 
         model = _joint(measured, setup, effects)
         given = {"setup": setup, "candidates": tuple(effects)}
         found = joined(with_contradictions(diagnose_model(model), model), model, measured, given)
+        found = with_mistakes_of_each(found, model.parts, measured, setup, _built)
     return replace(found, notes=(*notes, *found.notes))
 
 

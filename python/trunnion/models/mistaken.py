@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from trunnion.data.axis_log import AxisLog
 from trunnion.data.diameters import Diameters
 from trunnion.data.levels import Levels
 from trunnion.data.meant import likely_better, meant_named
-from trunnion.data.mistaken import size_notes
+from trunnion.data.mistaken import of_each, size_notes
 from trunnion.data.positioning import Positioning
 from trunnion.data.rotary_test import RotaryTest
 from trunnion.data.touches import Touches
@@ -21,6 +22,8 @@ from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.plain import plain_fit
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.machine.sizes import LARGE_UM, SURE_SIGMAS, in_other_units
+from trunnion.models.parts import Part
+from trunnion.models.several import Measured
 from trunnion.probing.mistakes import mistakes_named
 from trunnion.setup import Setup
 
@@ -71,39 +74,75 @@ def refusal_explained(data: Any, setup: Any, build: Build) -> Iterator[None]:
             yield
 
 
-def mistake_notes(
-    found: Diagnosis, model: Any, data: Any, setup: Any, build: Build
+def with_mistakes(found: Diagnosis, model: Any, data: Any, setup: Any, build: Build) -> Diagnosis:
+    """Return the diagnosis of a measurement with what is likely mistaken about its data.
+
+    model: What they were diagnosed by.
+    """
+    left = found.gain.rms_before_um, found.gain.rms_after_um
+    unexplained = left if found.verdict == "unexplained" else None
+    mistakes = _mistakes(model, data, setup, build, unexplained)
+    own = (note for note in mistakes if note not in found.notes)
+    return replace(found, mistakes=mistakes, notes=(*own, *found.notes))
+
+
+def with_mistakes_of_each(
+    found: Diagnosis, parts: Sequence[Part], measured: Sequence[Measured], setup: Any, build: Build
+) -> Diagnosis:
+    """Return a joint diagnosis with what is likely mistaken about each of its measurements."""
+    said = {
+        part.name: _mistakes(part.model, one.data, setup, build, one.unexplained_um)
+        for part, one in zip(parts, measured, strict=True)
+    }
+    mistakes = of_each(said)
+    named = {f"{name}: {text}" for name, texts in said.items() for text in texts}
+    others = (note for note in found.notes if note not in named)
+    return replace(found, mistakes=mistakes, notes=(*mistakes, *others))
+
+
+def _mistakes(
+    model: Any,
+    data: Any,
+    setup: Any,
+    build: Build,
+    unexplained: tuple[float, float] | None,
 ) -> tuple[str, ...]:
-    """Say what is likely mistaken about data that were diagnosed.
+    """Say what is likely mistaken about data that were diagnosed, alone or with others.
 
     model: What they were diagnosed by; that of touches knows it.
+    unexplained: Rms of what the plain model and the causes leave, if no cause explains the data.
     """
     if isinstance(data, Touches):
         return tuple(model.remarks)
     said = [*size_notes(data)]
     if isinstance(data, RotaryTest) and isinstance(setup, Setup):
-        said += _far_places(found, setup)
+        said += _far_places(model, setup)
     if isinstance(data, Levels):
         said += turn_doubts(data)
     if isinstance(setup, Setup) and (doubt := in_other_units(setup.machine.errors)):
         said.append(f"[machine.errors] has {doubt}")
-    if found.verdict == "unexplained" and isinstance(data, AxisLog):
+    if unexplained is not None and isinstance(data, AxisLog):
         said += getattr(build(data, setup), "scale_doubts", ())
-    if found.verdict == "unexplained" and not isinstance(data, Positioning):
-        left = found.gain.rms_before_um, found.gain.rms_after_um
-        if cause := likely_better(data, setup, scatter_by(build), *left):
-            said.append(f"What is not explained has a likely cause: {cause}")
+    if unexplained is not None and not isinstance(data, Positioning):
+        cause = likely_better(data, setup, scatter_by(build), *unexplained)
+        said += [f"What is not explained has a likely cause: {cause}"] if cause else []
     return tuple(said)
 
 
-def _far_places(found: Diagnosis, setup: Setup) -> list[str]:
+def _far_places(model: Model, setup: Setup) -> list[str]:
     """Ask about positions of axes that are farther from the set-up than those of any machine."""
+    plain = plain_fit(model)
+    std = np.sqrt(np.diag(plain.covariance) * plain.rss / max(plain.dof, 1))
+    std_of = {
+        x.name: np.inf if plain.not_identifiable[i] else std[i]
+        for i, x in enumerate(model.nuisance)
+    }
     far = {
         name: off
-        for name, value in found.errors_after.items()
+        for name, value in model.location_errors(plain.nuisance, {}).items()
         if name[1] in "XYZ"
         and abs(off := value - setup.machine.errors.get(name, 0.0)) > LARGE_UM
-        and abs(off) > SURE_SIGMAS * found.errors_std.get(name, np.inf)
+        and abs(off) > SURE_SIGMAS * std_of.get(name, np.inf)
     }
     if not far:
         return []

@@ -11,7 +11,6 @@ import numpy as np
 from trunnion.base.resolution import Floor, Grid, Known
 from trunnion.base.units import Floats, Integers
 from trunnion.data.frame import frame_notes
-from trunnion.data.mistaken import size_notes
 from trunnion.data.times import time_notes
 from trunnion.diagnosis.left import Left
 from trunnion.diagnosis.model import Model
@@ -23,6 +22,7 @@ from trunnion.diagnosis.scatter import Directions
 from trunnion.diagnosis.steps import grid_of, weights_of, white_beside, white_rounding
 from trunnion.diagnosis.whitening import Scaled, Scaling, Whiten, identity
 from trunnion.files.table import Table
+from trunnion.models.changes import done_otherwise
 from trunnion.models.joint import JointModel
 from trunnion.models.parts import Part
 
@@ -60,6 +60,14 @@ class Measured:
         if isinstance(self.data, Table):
             return len(self.data)
         return int(np.max(self.data.readings.rows)) + 1
+
+    @property
+    def unexplained_um(self) -> tuple[float, float] | None:
+        """Rms of what the plain model and causes leave of it alone; None: they explain it."""
+        if self.alone.unexplained is None:
+            return None
+        before, after = (np.sqrt(np.mean(x**2)) for x in (self.alone.before, self.alone.after))
+        return float(before), float(after)
 
     @property
     def rows(self) -> Integers:
@@ -175,10 +183,16 @@ def joined(
         for start, one in zip(starts, measured, strict=True)
         for row in one.alone.outliers
     ]
-    notes = []
+    notes = [
+        said
+        for kind in dict.fromkeys(part.kind for part in model.parts)
+        for some in ([i for i, part in enumerate(model.parts) if part.kind == kind],)
+        for said in done_otherwise(
+            [model.parts[i].name for i in some], [measured[i].data for i in some]
+        )
+    ]
     for part, one in zip(model.parts, measured, strict=True):
-        of_data = (*size_notes(one.data), *frame_notes(one.data), *time_notes(one.data))
-        said = (*one.notes, *of_data)
+        said = (*one.notes, *frame_notes(one.data), *time_notes(one.data))
         notes += [f"{part.name}: {n}" for n in said]
         if one.alone.unexplained is not None:
             notes.append(f"{part.name} alone: {one.alone.unexplained}.")
