@@ -91,7 +91,7 @@ def with_mistakes_of_each(
 ) -> Diagnosis:
     """Return a joint diagnosis with what is likely mistaken about each of its measurements."""
     said = {
-        part.name: _mistakes(part.model, one.data, setup, build, one.unexplained_um)
+        part.name: _mistakes(part.model, one.data, setup, build, one.unexplained_rms)
         for part, one in zip(parts, measured, strict=True)
     }
     mistakes = of_each(said)

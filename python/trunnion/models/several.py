@@ -62,7 +62,7 @@ class Measured:
         return int(np.max(self.data.readings.rows)) + 1
 
     @property
-    def unexplained_um(self) -> tuple[float, float] | None:
+    def unexplained_rms(self) -> tuple[float, float] | None:
         """Rms of what the plain model and causes leave of it alone; None: they explain it."""
         if self.alone.unexplained is None:
             return None
