@@ -135,13 +135,15 @@ Made by `make power-joint` with the independent generators of each kind.
 ## Machines with causes drawn at random
 
 None to three causes that kinds share (scale, squareness, backlash) act in all measurements of a
-machine, and in half of the measurements causes of their kind (`tests/power/one_machine.py`). In one
-of eight measurements an error is hidden that is no cause of the catalogue; such cases are in a row
-of their own. *Stated* and *true*: the mean probability of the most probable set of causes, and how
-often it is the hidden one. *ECE*: expected calibration error of all stated sets, *by chance* what
-true probabilities would show of so many cases. *Among*: the hidden set is the one that is named, or
-one of those that are left. *Given to the machine*: a cause of the machine is stated with more than
-95 % that does not act.
+machine, and in half of the measurements causes of their kind (`tests/power/one_machine.py`), none
+that another kind would see; diameters and logs are drawn as those of the
+[page of probabilities](power-probabilities.md), logs without backlash. In one of eight measurements
+an error is hidden that is no cause of the catalogue; such cases are in a row of their own. *Stated*
+and *true*: the mean probability of the most probable set of causes, and how often it is the hidden
+one. *ECE*: expected calibration error of all stated sets, *by chance* what true probabilities
+would show of so many cases. *Among*: the hidden set is the one that is named, or one of those that
+are left. *Given to the machine*: a cause of the machine is stated with more than 95 % that does not
+act.
 
 """
 OF_DOUBTS = """## Doubts that another test settles

@@ -1,8 +1,10 @@
 """Several measurements of one machine, drawn at random: what they share acts in all of them.
 
 None to three causes that kinds share (scale, squareness, backlash); of each kind none or one of its
-own, the same on every date of it. Placements and noise are each measurement's own. In one of eight
-measurements an error is hidden that is no cause of the catalogue.
+own (of diameters, logs and sweeps up to three), the same on every date of it, and none that another
+kind would see: their measurements would contradict each other. Placements and noise are each
+measurement's own. In one of eight measurements an error is hidden that is no cause of the
+catalogue.
 """
 
 from __future__ import annotations
