@@ -37,3 +37,18 @@ def test_causes_of_one_sign_beside_a_time_constant(seed: int) -> None:
     left = np.asarray(case.whiten(found.residuals))
     assert min(found.effects["bending"]["tip_um"], found.effects["chuck_tilt"]["tip_um"]) >= 0.0
     assert float(left @ left) <= most * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_fit_at_a_bound_explains_only_what_its_values_do(seed: int) -> None:
+    """What a step beyond the longest time constant would explain is left."""
+    data, setup = turning_blind.measured(seed, HIDDEN, 2, left=(30.0, 20.0, 15.0))
+    model = model_of(data, setup)
+    case = case_of(model)
+    heats = model.effect("tool_heating").within_grids()
+    grid = heats.parameters[1].grid
+    start = {heats.id: Values(amplitude_um=0.0, tau_s=grid[-1])}
+    found = fit(model, case.rows, [heats], case.plain.nuisance, start, case.whiten)
+    left = np.asarray(case.whiten(found.residuals))
+    assert min(grid) <= found.effects[heats.id]["tau_s"] <= max(grid)
+    assert found.rss == pytest.approx(float(left @ left), rel=1e-3)

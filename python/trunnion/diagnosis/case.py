@@ -139,13 +139,15 @@ class Case:
         """The same, also by what the others of the fit leave without it, where they are fitted.
 
         A tool that warms up so slowly that it grows in proportion to time has any amplitude, with a
-        time constant to it, and is there all the same.
+        time constant to it, and is there all the same. Others take its place only at places that
+        they have as candidates: one that warms up slower than any of these is no barrel.
         """
         chance, wald = self.chance(effect, f, variance)
-        if effect.linear or self.dependent or chance < DOUBTFUL_P:
+        linear = all(e.linear for e in self.effects if e.id in f.effects)
+        if linear or self.dependent or chance < DOUBTFUL_P:
             return chance, wald
         others = {name: values for name, values in f.effects.items() if name != effect.id}
-        fitted = [e for e in self.effects if e.id in others]
+        fitted = [e.within_grids() for e in self.effects if e.id in others]
         rest = fit(self.model, self.rows, fitted, f.nuisance, others, self.whiten)
         gain = max(rest.rss - f.rss, 0.0)
         return min(chance, _tail(gain, len(effect.parameters), f, variance)), wald

@@ -12,7 +12,7 @@ A user's own effect is any object with ``id``, ``parameters`` and ``change(data,
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -70,6 +70,13 @@ class Parameter:
     def linear(self) -> bool:
         """Whether the reading is linear in this parameter."""
         return not self.grid
+
+    def within_grid(self) -> Parameter:
+        """Return the parameter within its grid, where it has one."""
+        if self.linear:
+            return self
+        low, high = self.bounds
+        return replace(self, bounds=(max(low, min(self.grid)), min(high, max(self.grid))))
 
 
 class Values(dict[str, float]):
@@ -140,6 +147,10 @@ class Effect:
     def linear(self) -> bool:
         """Whether every parameter is linear."""
         return all(p.linear for p in self.parameters)
+
+    def within_grids(self) -> Effect:
+        """Return the effect with nonlinear parameters within their grids, as candidates have."""
+        return replace(self, parameters=tuple(p.within_grid() for p in self.parameters))
 
     def values(self, numbers: Iterable[float]) -> Values:
         """Numbers, in the order of the parameters, as values by name."""

@@ -184,6 +184,7 @@ def fit(
         solved = problem.solve(jac, w)
         if gained <= 1e-9 * rss:
             break
+    solved = problem.standing(at, jac, w, solved)
     found, basis = solved.found, solved.basis()
     return Fit(
         at.nuisance,
@@ -353,6 +354,14 @@ class _Problem:
             others = self.solve(np.where(held, 0.0, jac), w - self.used(jac @ fixed))
             step = np.where(held, fixed, others.found.solution @ self.directions)
         return step
+
+    def standing(self, at: _Point, jac: Array, w: Array, solved: _Step) -> _Step:
+        """Solve without what only a step beyond the bounds would explain: it does not move."""
+        held = np.zeros(jac.shape[1], dtype=bool)
+        while (over := self.beyond(at, solved.lengths(None) @ self.directions) & ~held).any():
+            held |= over
+            solved = self.solve(np.where(held, 0.0, jac), w)
+        return solved
 
     def moved(self, at: _Point, step: Array) -> _Point:
         """Return the point after a step, effects within their bounds."""
