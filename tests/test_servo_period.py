@@ -107,12 +107,13 @@ def test_touches_of_two_passes_are_recorded_at_one_feed() -> None:
     for refused in (
         lambda: tn.plan(twice, feeds_mm_min=(60.0, 600.0)),
         lambda: tn.probing_program(plan, twice),
+        lambda: tn.observability(plan, twice),
     ):
         with pytest.raises(tn.DataError, match=r"feeds of 60, 600 .* slow_feed_mm_min = 30"):
             refused()
     alike = [
-        {name for names in tn.observability(plan, setup).alike for name in names}
-        for setup in (once, twice)
+        {name for names in tn.observability(seen, setup).alike for name in names}
+        for seen, setup in ((plan, once), (tn.plan(twice), twice))
     ]
     assert "trigger_delay" in alike[1] - alike[0]
     noisy = replace(once.probe, repeatability_um=0.1)

@@ -198,6 +198,26 @@ def test_a_second_pass_that_is_no_slower_is_refused(feed: float) -> None:
             refused()
 
 
+def test_what_two_passes_record_is_at_the_slow_feed() -> None:
+    """Simulated and observed as the program would touch; what is no second pass is refused."""
+    once = stated(CUBOID, 1.0)
+    twice = replace(once, plan=replace(once.plan, slow_feed_mm_min=30.0))
+    plan = tn.plan(once, feeds_mm_min=(600.0,))
+    made = tn.simulate(plan, twice, {"EX0C": 12.0})
+    assert set(made["feed_mm_min"]) == {30.0}
+    assert tn.simulate(made, twice, {"EX0C": 12.0}) == made  # recorded so: as they are
+    travel = np.sum((made.position_mm - plan.start_mm) * plan.direction, axis=1)
+    assert np.allclose(travel / 0.5e-3, np.round(travel / 0.5e-3))  # 30 mm/min in 1 ms
+    for feeds, refused in (
+        ((20.0,), "slow_feed_mm_min: got 30, no slower than the plan's feed of 20"),
+        ((60.0, 600.0), "feeds of 60, 600 .* slow_feed_mm_min = 30"),
+    ):
+        other = tn.plan(once, feeds_mm_min=feeds)
+        for asked in (tn.simulate, tn.observability):
+            with pytest.raises(tn.DataError, match=refused):
+                asked(other, twice)
+
+
 def test_further_touches_of_two_passes_can_be_run() -> None:
     once = stated(CUBOID, 1.0)
     twice = replace(once, plan=replace(once.plan, slow_feed_mm_min=30.0))

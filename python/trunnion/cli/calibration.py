@@ -222,11 +222,7 @@ def simulate(
     ] = None,
 ) -> Answer:
     """Simulate a measurement on a machine with errors."""
-    from trunnion.probing.steps import as_recorded
-
-    setup, planned = _plan_and_set_up(files)
-    plan = planned  # its hash names it in the log
-    planned = as_recorded(plan, setup)
+    setup, plan = _plan_and_set_up(files)
     effects: dict[str, dict[str, float]] = {}
     for name, value in named_values("--effect", effect).items():
         owner, dot, parameter = name.partition(".")
@@ -234,7 +230,7 @@ def simulate(
             raise tn.UnknownNameError(f"--effect: got {name!r}, expected effect.parameter=number")
         effects.setdefault(owner, {})[parameter] = value
     measured = tn.simulate(
-        planned,
+        plan,
         setup,
         errors=named_values("--error", error),
         placement=named_values("--placement", placement),

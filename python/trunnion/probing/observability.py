@@ -179,6 +179,8 @@ def observability(
     ------
     InputError
         Noise not above 0, an effect that needs a column which the plan lacks.
+    DataError
+        Several feeds beside `slow_feed_mm_min`, or one that is no faster.
 
     Examples
     --------

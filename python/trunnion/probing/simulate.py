@@ -19,6 +19,7 @@ from trunnion.machine.geometry import refuse_other_axes
 from trunnion.machine.sizes import in_other_units
 from trunnion.probing.mistakes import large_errors_named
 from trunnion.probing.model import TouchModel
+from trunnion.probing.steps import as_recorded
 from trunnion.setup import Setup
 
 OFF_SURFACE_MM = 5.0
@@ -47,7 +48,7 @@ def simulate(
     ----------
     plan
         A plan, or touches: then along the line of each recorded touch, ticks counted from the
-        recorded point.
+        recorded point. With `slow_feed_mm_min` in ``[plan]`` they are recorded at that feed.
     setup
         Machine, artefact and probe.
     errors
@@ -79,7 +80,8 @@ def simulate(
         Noise without a seed, negative noise or tick, unknown names.
     DataError
         A move that does not meet the artefact, a column that an effect needs and the plan lacks; an
-        estimate that was made with other axes than those of the set-up.
+        estimate that was made with other axes than those of the set-up; several feeds beside
+        `slow_feed_mm_min`, or one that is no faster.
 
     Warns
     -----
@@ -114,6 +116,7 @@ def simulate(
     built_in = {effect: values for effect, values in effects.items() if isinstance(effect, str)}
     values = model.values(errors, placement, built_in)
     instance("plan", plan, Touches, "Touches, as plan or read_touches gives them")
+    plan = as_recorded(plan, setup)
     from_start = plan.start_mm is not None
     moves = model.moves(plan, from_start=from_start)
     # A contact is expected at the planned distance; the true surface may lie off by 5 mm.

@@ -119,9 +119,18 @@ def check_feeds_recorded(feeds_mm_min: Sequence[float], setup: Setup) -> None:
 
 
 def as_recorded(plan: Touches, setup: Setup) -> Touches:
-    """Return a plan with the feeds at which its touches are recorded: of a second pass, if any."""
-    slow = setup.plan.slow_feed_mm_min
-    return plan.with_columns(feed_mm_min=np.full(len(plan), slow)) if slow else plan
+    """Return a plan with the feeds at which its touches are recorded: of a second pass, if any.
+
+    Touches that were recorded so, all of them at that feed, stay as they are.
+
+    Raises DataError: as `check_feeds_recorded`.
+    """
+    slow, feeds = setup.plan.slow_feed_mm_min, plan.feed_mm_min
+    if not slow or (feeds is not None and np.all(feeds == slow)):
+        return plan
+    if feeds is not None:
+        check_feeds_recorded(feeds.tolist(), setup)
+    return plan.with_columns(feed_mm_min=np.full(len(plan), slow))
 
 
 def check_clear(plan: Touches, setup: Setup) -> None:
