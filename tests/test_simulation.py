@@ -92,7 +92,10 @@ def test_touches_that_belong_to_no_model_are_refused() -> None:
     level = np.flatnonzero((np.abs(data.rotary_deg["a"]) < 1e-9) & (np.abs(data.dir_z) < 1e-9))
     row, over = int(level[0]), data.z_mm.copy()
     over[row] = 25.0 + 1.0 + 6.0  # the top, the ball's radius
-    said = rf"row {row} with the ball at \(.*, 32\.000\) mm .* passes .* at 6\.000 mm"
+    said = (
+        rf"row {row} with the ball at \(.*, 32\.000\) mm: the ball misses the modelled artefact by "
+        r"6\.000 mm .*; expected a contact within 5 mm of that place"
+    )
     with pytest.raises(tn.DataError, match=said):
         tn.identify(data.with_columns(z_mm=over), CROSS)
     with pytest.raises(tn.DataError, match=r"13 touches and 0 priors for 14 parameters"):

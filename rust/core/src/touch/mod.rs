@@ -383,20 +383,25 @@ impl TouchModel {
 fn near(evaluator: &mut Evaluator, row: usize, deviation: Option<f64>) -> Result<f64> {
     let problem = match deviation {
         Some(deviation) if deviation.abs() <= MAX_OFF_SURFACE_MM => return Ok(deviation),
-        Some(deviation) => format!("lies {:.3} mm from the modelled surface", deviation.abs()),
+        Some(deviation) => format!(
+            "touch in row {row} lies {:.3} mm from the modelled surface; expected at most \
+             {MAX_OFF_SURFACE_MM} mm",
+            deviation.abs()
+        ),
         None => {
             let ball = evaluator.point(row);
-            let gap = evaluator.gap(row).map_or_else(
-                || "misses the modelled artefact".to_owned(),
-                |gap| format!("passes the modelled artefact at {gap:.3} mm"),
-            );
-            let place = format!("({:.3}, {:.3}, {:.3}) mm", ball.x, ball.y, ball.z);
-            format!("with the ball at {place} moves along a line that {gap}")
+            let by = evaluator.gap(row).map_or_else(String::new, |gap| format!(" by {gap:.3} mm"));
+            format!(
+                "touch in row {row} with the ball at ({:.3}, {:.3}, {:.3}) mm: the ball misses the \
+                 modelled artefact{by} all along its approach; expected a contact within \
+                 {MAX_OFF_SURFACE_MM} mm of that place",
+                ball.x, ball.y, ball.z
+            )
         }
     };
     Err(Error::Data(format!(
-        "touch in row {row} {problem}; expected at most {MAX_OFF_SURFACE_MM} mm: check the \
-         artefact's kind and dimensions, the machine preset and the signs of its axes"
+        "{problem}: check the artefact's kind and dimensions, the machine preset and the signs of \
+         its axes"
     )))
 }
 
