@@ -2,6 +2,7 @@
 name lines of files."""
 
 import os
+import re
 import stat
 import sys
 from collections.abc import Callable, Iterator
@@ -268,6 +269,26 @@ def test_nothing_is_written_under_the_ending_of_another_kind(
     assert done.exit_code == 2
     assert f"got the ending '.{ending}' (" in done.stderr
     assert not target.exists()
+
+
+@pytest.mark.parametrize(
+    "name", ["plan", "observe", "compare", "diagnose", "hybrid cube", "schema"]
+)
+def test_an_ending_that_is_refused_names_those_that_are_written(name: str, tmp_path: Path) -> None:
+    """Each of them is; what is written is no program, and only a result with a page is one."""
+    line = command_lines(tmp_path)[name][0]
+    for ending in ("txt", "nc", "", "x.y"):
+        refused = RUN(app, [*line, "-o", str(tmp_path / f"out.{ending}")])
+        assert refused.exit_code == 2
+        assert f"out.{ending}" in refused.stderr
+    known = re.findall(r"\.[a-z]+", refused.stderr.partition(", expected ")[2])
+    assert ".json" in known
+    for ending in known:
+        target = tmp_path / f"out{ending}"
+        done = RUN(app, [*line, "-o", str(target)])
+        assert done.exit_code == 0, done.stderr
+        assert target.stat().st_size
+    assert (".html" in known) == (name not in ("plan", "schema"))
 
 
 @pytest.mark.parametrize("name", ["a.ngc", "a.nc", "a.NGC", "a.txt", "a.i", "a"])

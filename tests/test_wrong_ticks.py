@@ -206,6 +206,7 @@ def test_what_two_passes_record_is_at_the_slow_feed() -> None:
     made = tn.simulate(plan, twice, {"EX0C": 12.0})
     assert set(made["feed_mm_min"]) == {30.0}
     assert tn.simulate(made, twice, {"EX0C": 12.0}) == made  # recorded so: as they are
+    assert plan.start_mm is not None
     travel = np.sum((made.position_mm - plan.start_mm) * plan.direction, axis=1)
     assert np.allclose(travel / 0.5e-3, np.round(travel / 0.5e-3))  # 30 mm/min in 1 ms
     for feeds, refused in (

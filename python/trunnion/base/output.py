@@ -10,7 +10,7 @@ from __future__ import annotations
 import logging
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -56,6 +56,23 @@ def check_ending(path: Path, what: str) -> None:
         raise InputError(
             f"{path}: got the ending {path.suffix!r} ({OTHERS[ending]}) for {what}, expected one "
             f"such as {WRITTEN[what][0]}"
+        )
+
+
+def check_among(path: Path, endings: Iterable[str], note: str = "") -> None:
+    """Refuse a name whose ending is none of those that can be written.
+
+    note: What an ending that is none of them is known to be.
+
+    Raises
+    ------
+    InputError
+        It is none of them.
+    """
+    known = tuple(endings)
+    if path.suffix.lower() not in known:
+        raise InputError(
+            f"{path}: got the ending {path.suffix!r}{note}, expected one of {', '.join(known)}"
         )
 
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from trunnion.base.checks import optional_module
 from trunnion.base.errors import InputError
 from trunnion.base.input import path_of
-from trunnion.base.output import whole_file
+from trunnion.base.output import check_among, whole_file
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -131,25 +131,29 @@ class Saved:
         ImportError
             What writes the format is not installed: extras ``xlsx``, ``parquet``, ``sweep``.
         """
-        target = path_of(path)
-        made: Mapping[str, Callable[[Path], object]] = {
-            ".csv": lambda draft: _write_csv(self, draft),
-            ".xlsx": lambda draft: _write_workbook(self.sheets(), draft),
-            ".parquet": lambda draft: _write_parquet(_first(self.sheets()), draft),
-            **dict.fromkeys(
-                (".nc", ".netcdf"), lambda draft: self.to_xarray().to_netcdf(draft, engine="scipy")
-            ),
-            ".json": lambda draft: _own(self, "to_json")(draft, indent=2),
-            ".html": lambda draft: _own(self, "to_html")(draft),
-        }
-        writer = made.get(target.suffix.lower())
-        if writer is None:
-            raise InputError(
-                f"{path}: got the ending {target.suffix!r}, expected one of {', '.join(made)}"
-            )
+        target, made = path_of(path), writers(self)
+        check_among(target, made)
         with whole_file(target) as draft:
-            writer(draft)
+            made[target.suffix.lower()](draft)
         return target
+
+
+def writers(value: Saved) -> Mapping[str, Callable[[Path], object]]:
+    """Return what writes it to a draft, by the ending of the name: those that it has."""
+    made: dict[str, Callable[[Path], object]] = {
+        ".csv": lambda draft: _write_csv(value, draft),
+        ".xlsx": lambda draft: _write_workbook(value.sheets(), draft),
+        ".parquet": lambda draft: _write_parquet(_first(value.sheets()), draft),
+    }
+    if value.gridded() is not None:
+        made |= dict.fromkeys(
+            (".nc", ".netcdf"), lambda draft: value.to_xarray().to_netcdf(draft, engine="scipy")
+        )
+    if hasattr(value, "to_json"):
+        made[".json"] = lambda draft: value.to_json(draft, indent=2)
+    if hasattr(value, "to_html"):
+        made[".html"] = lambda draft: value.to_html(draft)
+    return made
 
 
 def _units(name: str) -> dict[str, str]:
@@ -157,14 +161,6 @@ def _units(name: str) -> dict[str, str]:
 
     unit = unit_of(name)
     return {"units": unit} if unit else {}
-
-
-def _own(value: Saved, name: str) -> Callable[..., object]:
-    found = getattr(value, name, None)
-    if found is None:
-        raise InputError(f"{type(value).__name__}: has no {name}; expected another ending")
-    own: Callable[..., object] = found
-    return own
 
 
 def _first(sheets: Mapping[str, Columns]) -> Columns:

@@ -28,7 +28,7 @@ from typer.core import TyperGroup
 
 from trunnion.base.call import COMMAND
 from trunnion.base.errors import InputError, TrunnionError
-from trunnion.base.output import WRITTEN, check_ending, check_new, whole_file
+from trunnion.base.output import WRITTEN, check_among, check_ending, check_new, whole_file
 from trunnion.base.progress import shown_progress
 
 P = ParamSpec("P")
@@ -424,13 +424,13 @@ def is_program(path: Path) -> bool:
 def save_result(path: Path, result: Any) -> str:
     """Write a result or data as `save`, as the ending of the name says.
 
-    Raises InputError: the ending is one that a control takes for a program.
+    Raises InputError: the result cannot be written so, or a control takes it for a program.
     """
-    if is_program(path):
-        raise InputError(
-            f"{path}: got the ending {path.suffix!r}, which a control takes for a program, "
-            "expected .csv, .json, .xlsx, .parquet, .netcdf or .html"
-        )
+    from trunnion.base.saved import writers
+
+    endings = (ending for ending in writers(result) if ending not in WRITTEN[PROGRAM])
+    note = ", which a control takes for a program," if is_program(path) else ""
+    check_among(path, endings, note)
     return save(path, result.save)
 
 
