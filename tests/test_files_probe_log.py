@@ -493,8 +493,9 @@ def test_what_a_compensation_must_know_of_the_work_offset_is_said(
 @pytest.mark.parametrize(
     ("mirrored", "said"),
     [
-        (("x_mm",), "all are as planned if X counts the other way: does the control's axis run"),
-        (("z_mm",), "all are as planned if Z counts the other way"),
+        (("x_mm",), r": X \(touch .* if X counts the other way: does the control's axis run"),
+        (("y_mm",), r": Y \(touch .* all are as planned if Y counts the other way"),
+        (("z_mm",), r": Z \(touch .* all are as planned if Z counts the other way"),
         (("a_deg",), r"A \(touch .*if A counts the other way: .*set-up \(\[axes.A\] sense\)\?$"),
         (("c_deg",), "if C counts the other way"),
         (("x_mm", "y_mm"), "if X and Y count the other way"),

@@ -252,10 +252,11 @@ def _check(log: Log, entries: Sequence[_Entry], plan: Touches) -> None:
         if distance > DISTANCE_MM:
             x, y, z = expected[:3].tolist()
             why = _mirrored(entries, planned, is_turned) or _likely_cause(entries, plan, planned)
+            axis = int(np.argmax(np.abs(off[:3])))
             raise log.error(
                 entry.line,
-                first,
-                f"X (touch {entry.row + 1}): got a touch {distance:.3f} mm from the planned "
+                first + axis,
+                f"{NAMES[axis]} (touch {entry.row + 1}): got a touch {distance:.3f} mm from the planned "
                 f"one, expected at most {DISTANCE_MM:g} mm from ({x:.3f}, {y:.3f}, {z:.3f}){why}",
             )
         across = across_mm(off[None, :3], plan.direction[[entry.row]])[0]
