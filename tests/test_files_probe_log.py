@@ -310,7 +310,21 @@ def test_the_frame_of_a_log_for_its_next_run(plan: tn.Touches, tmp_path: Path) -
         ("G54 0 0 0 tool length 100 A nan", ":2:31: work offset a: got 'nan', expected a number"),
         ("G60 0 0 0 tool length 100", "work offset wcs: got 'G60', expected G54, G55"),
         ("G5x 0 0 0 tool length 100", ":2:3: work offset wcs: got 'G5x', expected G54, G55"),
-        ("G54 0 0 0 tool length 100 A 0 on", "kinematics: got 'on', expected machine, corrected"),
+        ("G54 0 0 tool length 100", ":2:11: work offset z: got 'tool', expected a number"),
+        ("G54 0 0 0 A 0 C 0 machine", ":2:13: frame of the control: got 'A', expected tool"),
+        ("G54 0 0 0 tool length", ":2:18: tool length: got the end of the line, expected a number"),
+        *(
+            (f"G54 0 0 0 tool length 100 {behind}", says)
+            for behind, says in (
+                ("A 0 C 0 on", ":2:37: kinematics: got 'on', expected machine, corrected, table"),
+                ("A 0 C 0 Machine", ":2:37: kinematics: got 'Machine', expected machine"),
+                ("A 0 C 0", "kinematics: got the end of the line, expected machine, corrected"),
+                ("A 0 B 0 machine", ":2:33: frame of the control: got 'B', expected C"),
+                ("C 0 C 0 machine", ":2:33: frame of the control: got 'C', expected A"),
+                ("A 0 machine", ":2:33: frame of the control: got 'machine', expected C"),
+                ("A 0 C 0 machine 1", ":2:45: .* got '1', expected the end of the line"),
+            )
+        ),
     ],
 )
 def test_a_frame_that_is_none_is_refused_where_it_stands(
@@ -319,11 +333,30 @@ def test_a_frame_that_is_none_is_refused_where_it_stands(
     """It was read as if the control had said nothing, and any word of kinematics as corrections."""
     path = tmp_path / "touches.log"
     path.write_text(run(plan).replace("G54 0 0 0 tool length 100", state) + ONE + TWO)
-    if "G60" in state:  # another comment
-        assert tn.read_probe_log(path, plan).control_frame is None
-        return
     with pytest.raises(tn.FileFormatError, match=says):
         tn.read_probe_log(path, plan)
+
+
+@pytest.mark.parametrize(
+    ("line", "turned"),
+    [
+        ("; G54 1 2 3 tool length 100 A 0.1 C 0.2 corrected", {"A": 0.1, "C": 0.2}),
+        (" ;G54 1 2 3  tool length 100 C 0.2 A 0.1 corrected", {"A": 0.1, "C": 0.2}),
+        ("; G54 1 2 3 tool length 100", {}),  # of earlier programs
+        ("; clamped at 40 bar", None),
+    ],
+)
+def test_the_frame_of_a_log_in_any_order(
+    line: str, turned: dict[str, float] | None, plan: tn.Touches, tmp_path: Path
+) -> None:
+    path = tmp_path / "touches.log"
+    path.write_text(run(plan).replace("; G54 0 0 0 tool length 100", line) + ONE + TWO)
+    frame = tn.read_probe_log(path, plan).control_frame
+    assert (frame is None) == (turned is None)
+    if frame is not None:
+        assert frame.turned_deg == turned
+        assert (frame.place_mm, frame.tool_length_mm) == ((1.0, 2.0, 3.0), 100.0)
+        assert frame.corrected == (True if turned else None)
 
 
 def test_all_that_differs_between_two_runs_is_said_at_once(

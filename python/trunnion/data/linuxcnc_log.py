@@ -122,8 +122,7 @@ def read_probe_log(path: str | PathLike[str], plan: Touches, setup: Setup | None
     >>> tn.read_probe_log("touches.log", plan).z_mm
     array([26.002])
     """
-    name = str(path)
-    log = Log(name, decode(name, file_bytes(path)).split("\n"))
+    log = _log(path, plan)
     notes: tuple[str, ...] = ()
     frame = ControlFrame()
     if log.heads:
@@ -144,7 +143,7 @@ def read_probe_log(path: str | PathLike[str], plan: Touches, setup: Setup | None
         made, note = _without_sense(made, axis, log)
         notes += (note,)
     taken = Recognised("the log of a probing program", "Touches", separator=" ", notes=notes)
-    return made.read_from(name, [entry.line + 1 for entry in entries], taken, rows + 1)
+    return made.read_from(log.name, [entry.line + 1 for entry in entries], taken, rows + 1)
 
 
 def logged_hashes(path: str | PathLike[str]) -> list[str]:
@@ -153,13 +152,18 @@ def logged_hashes(path: str | PathLike[str]) -> list[str]:
     return [found["hash"] for found in re.finditer(RUN_LINE, text)]
 
 
-def logged_frame(path: str | PathLike[str], plan_hash: str) -> dict[str, str]:
-    """Return work offset and tool length of the last run of a plan in a log, and its kinematics."""
+def _log(path: str | PathLike[str], plan: Touches) -> Log:
     name = str(path)
-    log = Log(name, decode(name, file_bytes(path)).split("\n"))
+    axes = tuple(letter.upper() for letter in plan.rotary_deg)
+    return Log(name, decode(name, file_bytes(path)).split("\n"), axes)
+
+
+def logged_frame(path: str | PathLike[str], plan: Touches) -> dict[str, str]:
+    """Return work offset and tool length of the last run of a plan in a log, and its kinematics."""
+    log = _log(path, plan)
     if not log.heads:
         raise log.error(0, 0, f"got no run of a probing program ({RUN} ...), expected one")
-    ours, _ = log.of_plan(log.runs()[0], plan_hash)
+    ours, _ = log.of_plan(log.runs()[0], plan_hash(plan))
     frame = log.frame(ours[-1])
     if not frame:
         said = "got a run that does not say its work offset and tool length, expected them behind "
@@ -169,8 +173,7 @@ def logged_frame(path: str | PathLike[str], plan_hash: str) -> dict[str, str]:
 
 def logged_touches(path: str | PathLike[str], plan: Touches) -> frozenset[int]:
     """Return the numbers of the touches that the last measurement of a plan has in a log."""
-    name = str(path)
-    log = Log(name, decode(name, file_bytes(path)).split("\n"))
+    log = _log(path, plan)
     if not log.heads:
         return frozenset()
     runs = log.runs()[0]
@@ -256,8 +259,9 @@ def _check(log: Log, entries: Sequence[_Entry], plan: Touches) -> None:
             raise log.error(
                 entry.line,
                 first + axis,
-                f"{NAMES[axis]} (touch {entry.row + 1}): got a touch {distance:.3f} mm from the planned "
-                f"one, expected at most {DISTANCE_MM:g} mm from ({x:.3f}, {y:.3f}, {z:.3f}){why}",
+                f"{NAMES[axis]} (touch {entry.row + 1}): got a touch {distance:.3f} mm from the "
+                f"planned one, expected at most {DISTANCE_MM:g} mm from ({x:.3f}, {y:.3f}, "
+                f"{z:.3f}){why}",
             )
         across = across_mm(off[None, :3], plan.direction[[entry.row]])[0]
         beside, axis = float(np.linalg.norm(across)), int(np.argmax(np.abs(across)))

@@ -27,15 +27,17 @@ RUN_LINE = (
     rf"{RUN} 1 plan=(?P<plan>\S+) hash=(?P<hash>[0-9a-f]{{12}}) touches=\d+ "
     r"from=(?P<first>\d{1,9})"
 )
-STATE_LINE = (
-    r"\s*;\s*(?P<wcs>G5\S+) (?P<x>\S+) (?P<y>\S+) (?P<z>\S+) tool length (?P<length>\S+)"
-    r"(?P<rotary>(?: [ABC] \S+)*)(?: (?P<mode>[a-z]+))?\s*"
-)
-"""What a run says of the control behind its first line; earlier ones ended with the tool length."""
-CALLED = {"length": "tool length", "mode": "kinematics"}
+FRAME_LINE = re.compile(r"\s*;\s*(G5|.*\btool length\b)", re.IGNORECASE)
+"""How a line begins that says the control's frame: a run has one behind its first line."""
+FIRST_PARTS: tuple[tuple[str, tuple[str, ...]], ...] = (
+    ("wcs", WORK_OFFSETS), ("x", ()), ("y", ()), ("z", ()),
+    ("", ("tool",)), ("", ("length",)), ("length", ()),
+)  # fmt: skip
+"""Words of a frame by name, with what they may be, or none: a number. Those of earlier programs
+were no more; then come letter and shift of each rotary axis, and the kinematics."""
+END = "the end of the line"
+CALLED = {"length": "tool length", "mode": "kinematics", "": "frame of the control"}
 """What people call parts of a frame that are none of the work offset."""
-WORDS: dict[str, tuple[str, ...]] = {"wcs": WORK_OFFSETS, "mode": MODES}
-"""Parts of a frame that are no numbers, with what they may be."""
 MAX_OTHERS = 5
 """Other plans that a message names; of more it says how many."""
 
@@ -56,10 +58,14 @@ class Run:
 
 @dataclass(frozen=True)
 class Log:
-    """The lines of a log, and its errors."""
+    """The lines of a log, and its errors.
+
+    axes: Letters of the rotary axes of the plan.
+    """
 
     name: str
     lines: list[str]
+    axes: tuple[str, ...]
 
     @property
     def file(self) -> str:
@@ -199,21 +205,24 @@ class Log:
     def frame(self, run: Run) -> dict[str, str]:
         """Return the frame of a run, as the line behind its first says; empty where none does."""
         line = self._frame_line(run)
-        found = re.fullmatch(STATE_LINE, self.lines[line])
-        if found is None:
+        text = self.lines[line]
+        if FRAME_LINE.match(text) is None:
             return {}
-        frame = {name: value for name, value in found.groupdict().items() if value is not None}
-        rotary = frame.pop("rotary").split()
-        frame |= {x.lower(): at for x, at in zip(rotary[::2], rotary[1::2], strict=True)}
-        for part, word in frame.items():
+        words, parts = text.replace(";", " ", 1).split(), [*FIRST_PARTS]
+        if len(words) > len(parts):
+            for x in sorted(self.axes, key=[*words, *self.axes].index):  # in any order
+                parts += [("", (x,)), (x.lower(), ())]
+            parts.append(("mode", MODES))
+        frame = {}
+        for at, (part, allowed) in enumerate([*parts, ("", (END,))]):
+            word = words[at] if at < len(words) else END
             number = parse_number(word)
-            fits = number is not None and np.isfinite(number)
-            expected = "a number"
-            if part in WORDS:
-                fits, expected = word in WORDS[part], ", ".join(WORDS[part])
-            if not fits:
-                at = self.lines[line].split().index(word)
-                raise self.error(line, at, f"{_called(part)}: got {word!r}, expected {expected}")
+            if not (word in allowed if allowed else number is not None and np.isfinite(number)):
+                got, expected = END if word == END else repr(word), ", ".join(allowed) or "a number"
+                field = at + (text.split()[0] == ";")
+                raise self.error(line, field, f"{_called(part)}: got {got}, expected {expected}")
+            if part:
+                frame[part] = word
         return frame
 
     def said_of_frame(self, run: Run, centre_mm: Sequence[float] | None) -> tuple[str, ...]:

@@ -190,7 +190,6 @@ def probing_program(
         check_feeds(ready.feed_mm_min.tolist(), setup)
     frame = _frame(setup, corrected=corrected, tcp=tcp)
     named = on_table(plan, setup) if tcp else plan
-    named_by = plan_hash(named)
     if continues is not None and start_at == 1:
         raise InputError(
             "continues: got it with start_at = 1, which begins a new measurement; expected a "
@@ -199,7 +198,7 @@ def probing_program(
     cycle = replace(
         cycle_of(ready, setup),
         name=_in_a_comment(name) or "plan",
-        plan_hash=named_by,
+        plan_hash=plan_hash(named),
         log=log,
         start_at=start_at,
         dry_run=dry_run,
@@ -207,7 +206,7 @@ def probing_program(
         notes=tuple(taken_by_offset(ready, setup)),
         frame_before={}
         if continues is None
-        else _frame_before(continues, named_by, frame, setup.control),
+        else _frame_before(continues, named, frame, setup.control),
     )
     if start_at > 1:
         cycle = _with_measured(cycle, named, continues)
@@ -255,13 +254,15 @@ def _frame(setup: Setup, *, corrected: bool, tcp: bool) -> Frame:
 
 
 def _frame_before(
-    log: str | PathLike[str], named_by: str, frame: Frame, control: ControlSetup
+    log: str | PathLike[str], plan: Touches, frame: Frame, control: ControlSetup
 ) -> Mapping[str, float]:
     """Return the numbers of the frame of the runs in a log, by the names of the program.
 
+    plan: As the log knows it.
+
     Those that a program of this set-up refuses are refused here: it could never start.
     """
-    said = logged_frame(log, named_by)
+    said = logged_frame(log, plan)
     wcs, mode = said.pop("wcs"), said.pop("mode", frame)
     if faults := list(_not_as_set_up(ControlFrame.of_words(said), wcs, mode, frame, control)):
         raise InputError(f"continues: got runs {'; and '.join(faults)}")
