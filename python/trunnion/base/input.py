@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import math
 import os
 from os import PathLike
 from pathlib import Path
@@ -60,6 +61,8 @@ def listed_numbers(what: str, text: str) -> list[float]:
     try:
         if ":" in text:
             first, last, step = (float(part) for part in text.split(":"))
+            if not math.isfinite(step):
+                raise ValueError(text)
             count = int((last - first) / step + 1e-9) + 1
             if count < 1 or count > MAX_LISTED:
                 raise ValueError(text)

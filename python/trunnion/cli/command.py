@@ -213,6 +213,7 @@ def command(
             output = options.pop("output") if own else None
             how = {key: options.pop(key) for key, *_ in READING} if reads else {}
             try:
+                _check_numbers(context)
                 with _logged(verbose), _warnings_as_notes(), shown_progress(), _reading(how):
                     if output is not None:
                         check_outputs(output)
@@ -241,6 +242,19 @@ def command(
         return function
 
     return decorate
+
+
+def _check_numbers(context: typer.Context) -> None:
+    """Refuse a number of an option that no machine has: nan, infinite, or far too large."""
+    for option in context.command.params:
+        value = context.params.get(option.name or "")
+        if option.param_type_name != "option" or value == option.default:
+            continue  # a default may be infinite: no limit
+        for number in value if isinstance(value, list | tuple) else [value]:
+            if isinstance(number, float):
+                from trunnion.cli.values import sensible
+
+                sensible(option.opts[0], number, option.name or "")
 
 
 def _name_as_typed(error: BaseException, context: typer.Context) -> None:

@@ -76,7 +76,7 @@ def compensate(
     ),
     linear_step_mm: Annotated[float, typer.Option(help="largest step of the map's X, Y, Z")] = 50.0,
     rotary_step_deg: Annotated[float, typer.Option(help="largest step of its rotary axes")] = 15.0,
-    seed: Annotated[int, typer.Option(help="of the draws for the predicted interval")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="of the draws for the predicted interval")] = 0,
     control: Control = None,
     kinematics: Kinematics = "component",
     present: Present = None,

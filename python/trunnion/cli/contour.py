@@ -80,9 +80,11 @@ def simulate(
     assumed: Annotated[
         list[str] | None, typer.Option(help="location error that the control knows, NAME=value")
     ] = None,
-    noise_um: Annotated[float, typer.Option(help="noise of the log, linear axes")] = 0.0,
-    noise_arcsec: Annotated[float, typer.Option(help="noise of the log, rotary axes")] = 0.0,
-    seed: Annotated[int, typer.Option(help="of the noise")] = 0,
+    noise_um: Annotated[float, typer.Option(min=0.0, help="noise of the log, linear axes")] = 0.0,
+    noise_arcsec: Annotated[
+        float, typer.Option(min=0.0, help="noise of the log, rotary axes")
+    ] = 0.0,
+    seed: Annotated[int, typer.Option(min=0, help="of the noise")] = 0,
     output: Output = None,
 ) -> Answer:
     """Simulate runs along a path: contour and orientation errors; --output keeps an axis log."""

@@ -55,14 +55,17 @@ def results(
         typer.Option(help="NAME=VALUE, such as accuracy_um=20: pass or fail by ISO 14253-1"),
     ] = None,
     standard_uncertainty: Annotated[
-        float, typer.Option(help="of instrument, alignment and temperature, µm or arcsec")
+        float, typer.Option(min=0.0, help="of instrument, alignment and temperature, µm or arcsec")
     ] = 0.0,
     table: Annotated[bool, typer.Option(help="print the corrections of each target")] = False,
     comp_file: Annotated[
         Path | None, typer.Option(help="write the corrections as a COMP_FILE of LinuxCNC")
     ] = None,
     turns: Annotated[
-        int, typer.Option(help="of a rotary axis: repeat the COMP_FILE so many turns either way")
+        int,
+        typer.Option(
+            min=0, max=1000, help="of a rotary axis: repeat the COMP_FILE so many turns either way"
+        ),
     ] = 0,
     html: Html = None,
 ) -> Answer:

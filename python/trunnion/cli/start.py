@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, TypedDict
+from typing import Annotated, Any, TypedDict
 
 import typer
 
@@ -45,20 +45,25 @@ def init(
         typer.Option(help="kinematic code instead of a preset, such as \\[w C' A' b X Y Z (C) t]"),
     ] = "",
     artefact: Annotated[str, typer.Option(help="cross, cuboid or sphere")] = "cross",
-    length_mm: Annotated[float, typer.Option(help="of cross or cuboid along X")] = 100.0,
-    width_mm: Annotated[float, typer.Option(help="of the bars of a cross; cuboid: along Y")] = 25.0,
-    height_mm: Annotated[float, typer.Option(help="of cross or cuboid")] = 25.0,
-    diameter_mm: Annotated[float, typer.Option(help="of a sphere")] = 25.0,
+    length_mm: Annotated[
+        float | None, typer.Option(help="of cross or cuboid along X; else 100")
+    ] = None,
+    width_mm: Annotated[
+        float | None, typer.Option(help="of the bars of a cross; cuboid: along Y; else 25")
+    ] = None,
+    height_mm: Annotated[float | None, typer.Option(help="of cross or cuboid; else 25")] = None,
+    diameter_mm: Annotated[float | None, typer.Option(help="of a sphere; else 25")] = None,
     ball_radius_mm: Annotated[float, typer.Option(help="of the probe")] = 1.0,
 ) -> Answer:
     """Write a commented set-up for a machine and an artefact, and the plan of its touches."""
+    sizes = {"length_mm": length_mm, "width_mm": width_mm, "height_mm": height_mm}
+    sizes["diameter_mm"] = diameter_mm
+    body: dict[str, Any] = {name: size for name, size in sizes.items() if size is not None}
     if artefact == "sphere":
-        body = tn.Artefact(artefact, diameter_mm=diameter_mm, centre_mm=(60.0, 0.0, 80.0))
-    else:
-        body = tn.Artefact(artefact, length_mm=length_mm, width_mm=width_mm, height_mm=height_mm)
+        body = {"diameter_mm": 25.0, "centre_mm": (60.0, 0.0, 80.0), **body}
     setup = tn.Setup(
         machine=tn.Machine(chain=chain) if chain else tn.Machine(preset=preset),
-        artefact=body,
+        artefact=tn.Artefact(artefact, **body),
         probe=tn.Probe(ball_radius_mm=ball_radius_mm),
     )
     plan = tn.plan(setup)

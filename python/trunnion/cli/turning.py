@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict, cast
 import typer
 
 import trunnion as tn
+from trunnion.base.checks import within
 from trunnion.cli.command import PROGRAM, Answer, Output, command, group_of, save, sort_files
 from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
 from trunnion.cli.schema import Printed
@@ -131,6 +132,7 @@ def _frame(dialect: str, speed_m_min: float, follows: str) -> tuple[Blocks, Bloc
     """Blocks before and after the contour: modes, spindle, compensation of the nose; the end."""
     if dialect == "paper-um":
         return [], []
+    within("speed_m_min", speed_m_min, 1e-3)
     linuxcnc = dialect == "linuxcnc-lathe"
     nose = follows == "contour"
     head: list[list[tuple[str, float]]] = []
@@ -163,6 +165,9 @@ def path(
     picture: Picture = None,
 ) -> Answer:
     """Lay out the probe's path along the part of a finishing program; write the probe program."""
+    from trunnion.turning.profile import LOWEST_FEED
+
+    within("--probe-feed", probe_feed, LOWEST_FEED)
     with _naming(program):
         profile = tn.turning.Profile.from_program(
             _read(program, dialect),

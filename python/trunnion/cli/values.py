@@ -9,6 +9,7 @@ import typer
 
 from trunnion.base.errors import InputError
 from trunnion.base.input import listed_numbers
+from trunnion.base.units import unit_of
 
 Angles = Annotated[str, typer.Option(help="0,90,180 or first:last:step, degrees")]
 
@@ -16,6 +17,22 @@ Angles = Annotated[str, typer.Option(help="0,90,180 or first:last:step, degrees"
 def names(text: str) -> list[str]:
     """Return ``"drift_z, scale_x"`` as a list."""
     return [part.strip() for part in text.split(",") if part.strip()]
+
+
+def sensible(what: str, value: float, name: str) -> float:
+    """Return a number that some machine may have, by the unit that its name ends in.
+
+    Raises InputError: one that is not finite, or far beyond; `what` begins the message.
+    """
+    from trunnion.files.columns import LARGEST
+
+    unit = unit_of(name)
+    limit = LARGEST.get(unit, LARGEST[""])
+    if not abs(value) <= limit:
+        raise InputError(
+            f"{what}: got {value:g}, expected {f'a number within ±{limit:g} {unit}'.rstrip()}"
+        )
+    return value
 
 
 def named_values(what: str, texts: Iterable[str] | None) -> dict[str, float]:
@@ -35,6 +52,7 @@ def named_values(what: str, texts: Iterable[str] | None) -> dict[str, float]:
         if not equals:
             mark = " with a decimal point" if "," in value else ""
             raise InputError(f"{what}: got {text!r}, expected name=number{mark}")
+        sensible(f"{what} {name.strip()}", found[name.strip()], name.strip())
     return found
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trunnion.base.arguments import checked
-from trunnion.base.checks import choose
+from trunnion.base.checks import choose, positive
 from trunnion.base.errors import FileFormatError, InputError, TrunnionError
 from trunnion.base.units import conversion, unit_of
 from trunnion.data.linuxcnc_log import refuse_probe_log
@@ -92,7 +92,7 @@ def read(
     UnknownNameError
         A channel, kind or unit that there is not.
     InputError
-        Columns of no kind, or of several.
+        Columns of no kind, or of several; a period that is not above 0.
 
     Examples
     --------
@@ -103,6 +103,8 @@ def read(
     AxisLog(2 rows: time_s, x_cmd_mm, x_act_mm)
     """
     options = options_in_force(Options(separator, decimal, units, sheet))
+    if period_s is not None:
+        positive("period_s", period_s)
     if not isinstance(data, str | PathLike):
         return _of_arrays(data, columns, kind, options)
     if Path(data).suffix.lower() == ".toml":

@@ -21,6 +21,7 @@ from trunnion.probing.mistakes import large_errors_named
 from trunnion.probing.model import TouchModel
 from trunnion.probing.steps import as_recorded
 from trunnion.setup import Setup
+from trunnion.setup.artefact import UNCERTAINTY
 
 OFF_SURFACE_MM = 5.0
 
@@ -109,8 +110,8 @@ def simulate(
         raise InputError(
             "seed: got none, expected a whole number: there is no noise without a seed"
         )
-    if tick_um is not None and finite("tick_um", tick_um) < 0:
-        raise InputError(f"tick_um: got {tick_um!r}, expected 0 or a positive number")
+    if tick_um is not None:
+        UNCERTAINTY("tick_um", tick_um)
     ids, own = split_effects(effects)
     model = TouchModel(setup, ids, tick_um=tick_um)
     built_in = {effect: values for effect, values in effects.items() if isinstance(effect, str)}

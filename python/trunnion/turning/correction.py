@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from trunnion._core import Program, turning_change, turning_correct
 from trunnion.base.arguments import checked
-from trunnion.base.checks import floats, line
+from trunnion.base.checks import floats, line, whole, within
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
 from trunnion.base.units import Flags, Floats
@@ -20,6 +20,7 @@ from trunnion.turning.profile import Follows
 
 Rule: TypeAlias = Literal["paper", "every-window", "mid-run", "bounded"]
 
+LEAST_UNIT_UM = 1e-3
 GAP_STEPS = 3.0  # a gap so many times as wide as readings are apart holds something unmeasured
 PLACES_IN_A_GAP = 20
 
@@ -187,6 +188,9 @@ def correct(
         For readings of several passes or numbers that are not usable.
     """
     z, error = _columns(readings)
+    within("unit_um", unit_um, LEAST_UNIT_UM)
+    within("bound_um", bound_um, 0.0)
+    whole("window", window, 1)
     start: dict[str, Any] = {
         "follows": follows,
         "nose_mm": nose_mm,

@@ -11,10 +11,10 @@ import numpy.typing as npt
 
 from trunnion._core import Program, TurnedProbePath, TurnedProfile
 from trunnion.base.arguments import check_fields, checked
-from trunnion.base.checks import count_of, finite, line, positive
+from trunnion.base.checks import count_of, finite, line, positive, within
 from trunnion.base.report import Result, Table
 from trunnion.base.units import Flags, Floats
-from trunnion.turning.profile import Blocks, Profile
+from trunnion.turning.profile import LOWEST_FEED, Blocks, Profile
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,9 @@ class TurningProbe:
 
     def __post_init__(self) -> None:
         check_fields(self)
+        positive("ball_diameter_mm", self.ball_diameter_mm)
+        within("contact_angle_deg", self.contact_angle_deg, 0.0, 180.0, "deg")
+        positive("body_diameter_mm", self.body_diameter_mm)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -167,7 +170,14 @@ class ProbePath(Result):
             Blocks before and behind, as lists of (letter, value).
         retract_last
             Draw back behind the last interval.
+
+        Raises
+        ------
+        trunnion.InputError
+            For a feed that is none.
         """
+        if feed is not None:
+            within("feed", feed, LOWEST_FEED)
         return self._core().program(
             dialect=dialect,
             feed=feed,

@@ -10,9 +10,12 @@ import numpy as np
 
 from trunnion._core import Program, TurnedProfile
 from trunnion.base.arguments import check_fields, checked
-from trunnion.base.checks import whole
+from trunnion.base.checks import whole, within
 from trunnion.base.report import Result, Table
 from trunnion.base.units import Floats
+
+LOWEST_FEED = 1e-6
+"""Below it a program would have F0."""
 
 Kind: TypeAlias = Literal["sharp", "fillet", "arc-in", "arc-out", "arc-to-arc", "relief"]
 Follows: TypeAlias = Literal["contour", "nose-centre", "tip"]
@@ -227,7 +230,8 @@ class Profile:
         Raises
         ------
         trunnion.InputError
-            For a nose that does not fit, a fall without access, a retract radius below the part.
+            For a nose that does not fit, a fall without access, a retract radius below the part, a
+            feed that is none.
         """
         elements = self.elements
         if start_z_mm is None:
@@ -235,6 +239,9 @@ class Profile:
         if retract_x_mm is None:
             retract_x_mm = float(self.outline_mm()[:, 1].max()) + nose_mm + 5.0
         whole("first_element", first_element, 0, len(elements) - 1)
+        within("steepest_fall", steepest_fall, 0.0)
+        if feed is not None:
+            within("feed", feed, LOWEST_FEED)
         program, left_out = self.core.finishing(
             dialect=dialect,
             follows=follows,
