@@ -291,6 +291,66 @@ def test_an_ending_that_is_refused_names_those_that_are_written(name: str, tmp_p
     assert (".html" in known) == (name not in ("plan", "schema"))
 
 
+FOLDERS = [("compensate", "--output"), ("diagnose", "--out"), ("init", ""), ("samples", "")]
+"""Commands that write into a folder, and the option that names it, or none: an argument does."""
+
+
+def files_of_options() -> list[tuple[str, str]]:
+    return [one for one in WRITERS_OF_COMMANDS if one not in FOLDERS]
+
+
+def line_with(name: str, option: str, target: str, folder: Path) -> list[str]:
+    line = command_lines(folder)[name][0]
+    if not option:
+        return [name, target]
+    line = line[: line.index("-o")] if "-o" in line and option == "--output" else line
+    return [*line, option, target]
+
+
+@pytest.mark.parametrize(("name", "option"), FOLDERS)
+def test_a_folder_is_made_where_one_is_named_and_nothing_else(
+    name: str, option: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A name of a file made a folder, and a folder that is not there was made on the way."""
+    monkeypatch.chdir(tmp_path)
+    line_with(name, option, "", tmp_path)
+    (tmp_path / "there").write_text("kept")
+    before = {*tmp_path.rglob("*")}
+    for target, said in (
+        (
+            "none/x.csv",
+            "none/x.csv: got the ending '.csv' (a table), expected the name of a folder",
+        ),
+        ("x.HTML", "x.HTML: got the ending '.HTML' (a page (HTML)), expected the name of a folder"),
+        ("none/new", "none/new: there is no folder none to make it in"),
+        ("there", "there: got a file, expected the name of a folder"),
+    ):
+        done = RUN(app, line_with(name, option, target, tmp_path))
+        assert done.exit_code == 2
+        assert said in done.stderr
+        assert {*tmp_path.rglob("*")} == before
+    assert RUN(app, line_with(name, option, "new", tmp_path)).exit_code == 0
+    assert files_below(tmp_path / "new")
+    (tmp_path / "old.csv").mkdir()  # what is there is taken as it is
+    assert RUN(app, line_with(name, option, "old.csv", tmp_path)).exit_code == 0
+
+
+@pytest.mark.parametrize(("name", "option"), files_of_options())
+def test_no_command_makes_the_folder_of_a_file(
+    name: str, option: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is said before anything else is written."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "in").mkdir()
+    for ending in ENDINGS:
+        done = RUN(app, [*line_with(name, option, f"none/x{ending}", tmp_path / "in"), "--force"])
+        assert done.exit_code == 2, ending
+        assert [*tmp_path.iterdir()] == [tmp_path / "in"]
+        if "there is no folder none to write it to" in done.stderr:
+            return
+    raise AssertionError(done.stderr)
+
+
 @pytest.mark.parametrize("name", ["a.ngc", "a.nc", "a.NGC", "a.txt", "a.i", "a"])
 def test_a_program_may_have_the_ending_of_any_control(name: str, tmp_path: Path) -> None:
     command_lines(tmp_path)

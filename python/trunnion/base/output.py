@@ -76,14 +76,35 @@ def check_among(path: Path, endings: Iterable[str], note: str = "") -> None:
         )
 
 
+def check_folder(path: Path) -> None:
+    """Refuse a folder for files that is none and cannot be made.
+
+    Raises
+    ------
+    InputError
+        There is a file, or nothing and its name is that of a file; or it would stand in a folder
+        that is not there.
+    """
+    expected = "expected the name of a folder for several files"
+    if path.is_dir():
+        return
+    if path.exists():
+        raise InputError(f"{path}: got a file, {expected}")
+    if ending := OTHERS.get(path.suffix.lower(), ""):
+        raise InputError(f"{path}: got the ending {path.suffix!r} ({ending}), {expected}")
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: there is no folder {path.parent} to make it in")
+
+
 def check_new(path: Path, *, overwrite: bool) -> None:
     """Refuse a path where a file stands already, and a folder in any case.
 
     Raises
     ------
     InputError
-        There is a file, and `overwrite` is false; or a folder.
+        There is a file, and `overwrite` is false; or a folder; or none to write the file to.
     """
+    _check_parent(path)
     if path.is_dir():
         raise InputError(
             f"{path}: got a folder, expected the name of a file (did you mean {path / 'NAME'}?)"
@@ -105,8 +126,7 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     if target.exists() and not target.is_file():
         yield target
         return
-    if not target.parent.is_dir():
-        raise InputError(f"{path}: there is no folder {target.parent} to write it to")
+    _check_parent(target)
     try:
         handle, name = tempfile.mkstemp(
             prefix=f".{target.stem[:40]}-", suffix=target.suffix[:20], dir=target.parent
@@ -130,6 +150,11 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
         raise
     finally:
         draft.unlink(missing_ok=True)
+
+
+def _check_parent(path: Path) -> None:
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: there is no folder {path.parent} to write it to")
 
 
 def _umask() -> int:

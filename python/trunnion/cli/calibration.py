@@ -14,10 +14,12 @@ import trunnion as tn
 from trunnion.base.input import listed_numbers
 from trunnion.cli.command import (
     LOG,
+    PROGRAM,
     Answer,
     Html,
     Output,
     check_log,
+    check_outputs,
     command,
     is_program,
     one_set_up,
@@ -175,12 +177,14 @@ def _planned(
             f"--output: got {output}, whose ending is that of a program, for the plan; expected "
             f"plan.csv, say, and --program {output.name} for the program"
         )
+    if program is not None:  # before anything is written
+        check_outputs(program, what=PROGRAM)
+        check_log(log)
     shown = []
     minutes = 0.0 if planned.time_s is None else float(planned.time_s[-1]) / 60
     if output is not None:
         shown.append(save_result(output, planned))
     if program is not None:
-        check_log(log)
         cycle = tn.probing_program(planned, made, log, name=name)
         shown.append(save_program(program, cycle))
         minutes = cycle.seconds / 60

@@ -443,7 +443,7 @@ def save_result(path: Path, result: Any) -> str:
     from trunnion.base.saved import writers
 
     endings = (ending for ending in writers(result) if ending not in WRITTEN[PROGRAM])
-    note = ", which a control takes for a program," if is_program(path) else ""
+    note = ", which a control takes for a program" if is_program(path) else ""
     check_among(path, endings, note)
     return save(path, result.save)
 

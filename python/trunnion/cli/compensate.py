@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import trunnion as tn
+from trunnion.base.output import check_folder
 from trunnion.cli.command import Answer, Html, check_outputs, command, one_set_up, save
 from trunnion.cli.schema import Printed
 
@@ -92,6 +93,7 @@ def compensate(
 
     With --control, the files that this control loads instead, with old and new values.
     """
+    check_folder(output)
     estimates, file = one_set_up(files, (1, 1), "estimates")
     setup = _with_ranges(tn.read_setup(file), range_ or ())
     estimate = tn.read_estimate(estimates[0])
@@ -99,8 +101,8 @@ def compensate(
         given = {"any_size": any_size, "seed": seed}
         linuxcnc = {"kinematics": kinematics, "present": present or ()}
         made = _for_control(control, setup, estimate, _pairs(stated or ()), linuxcnc, given)
+        output.mkdir(exist_ok=True)
         check_outputs(*(output / name for name in made.files))
-        output.mkdir(parents=True, exist_ok=True)
         said = [save(output / name, _text(t)) for name, t in made.files.items()]
         inputs = [estimates[0], *(present or ())]
         return Answer.of(made, *said, *_report(html, made, setup, inputs))
@@ -134,8 +136,8 @@ def _general(
     parameters = found.parameters
     names = ("error_map.csv", "parameters.json", "volumetric.json", "compensation.png")
     written = [output / name for name in names]
+    output.mkdir(exist_ok=True)
     check_outputs(*written)
-    output.mkdir(parents=True, exist_ok=True)
     said = [
         save(written[0], table.to_csv),
         save(written[1], _json(parameters.to_dict())),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 import typer
 
 import trunnion as tn
+from trunnion.base.output import check_folder
 from trunnion.base.progress import tracked
 from trunnion.cli.command import (
     Answer,
@@ -160,6 +161,8 @@ def _next(d: tn.Diagnosis, n: int, output: Path | None) -> tuple[dict[str, Any],
 
 def _batch(files: list[Path], kind: str, out: Path | None, output: Path | None) -> Answer:
     """Diagnose files each by itself; a page each, and a table over all."""
+    if out is not None:
+        check_folder(out)
     data, set_ups = sort_files(files, (1, MAX_BATCH), (0, 1), exist=False)
     found = tn.diagnose_many(data, set_ups[0] if set_ups else None, kind=kind or None)
     values = found.to_dict()
@@ -187,8 +190,8 @@ def _reports(folder: Path, found: DiagnosisBatch) -> dict[str, str]:
         for name, stem, one in zip(found.names, stems, found, strict=True)
         if isinstance(one, tn.Diagnosis)
     }
+    folder.mkdir(exist_ok=True)
     check_outputs(*pages.values(), folder / "diagnoses.csv")
-    folder.mkdir(parents=True, exist_ok=True)
     for name, one in tracked(zip(found.names, found, strict=True), "pages", len(found)):
         if isinstance(one, tn.Diagnosis):
             save(pages[name], one.to_html)

@@ -10,6 +10,7 @@ from typing import Annotated, Any, TypedDict
 import typer
 
 import trunnion as tn
+from trunnion.base.output import check_folder
 from trunnion.cli.command import Answer, check_outputs, command, save
 from trunnion.cli.schema import Printed
 
@@ -68,8 +69,9 @@ def init(
     )
     plan = tn.plan(setup)
     files = (folder / "setup.toml", folder / "plan.csv")
+    check_folder(folder)
+    folder.mkdir(exist_ok=True)
     check_outputs(*files)
-    folder.mkdir(parents=True, exist_ok=True)
     text = setup.to_toml(comments=True)
     said = (
         save(files[0], lambda path: path.write_text(text, encoding="utf-8")),
@@ -94,7 +96,8 @@ def samples(folder: Folder = Path("samples")) -> Answer:
         for path in source.glob("*/*")
         if path.suffix in {".toml", ".csv", ".ngc"}
     )
-    check_outputs(*(folder / name for name in names))
+    check_folder(folder)
+    check_outputs(*(folder / name for name in names if (folder / name).parent.is_dir()))
     said = []
     for name in names:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)

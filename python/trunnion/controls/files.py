@@ -10,7 +10,7 @@ from pathlib import Path
 
 from trunnion.base.arguments import checked
 from trunnion.base.input import path_of
-from trunnion.base.output import check_new, whole_file
+from trunnion.base.output import check_folder, check_new, whole_file
 from trunnion.base.report import SHOWN, Cell, Result, Shown, Table
 from trunnion.compensation.forecast import Left, before_and_after
 from trunnion.machine.sizes import size_doubt
@@ -140,13 +140,14 @@ class ControlFiles(Result):
         Raises
         ------
         InputError
-            A file of such a name is there.
+            A file of such a name is there, or the folder is none and cannot be made.
         """
         place = path_of(folder, "folder", "the path of a folder")
+        check_folder(place)
+        place.mkdir(exist_ok=True)
         paths = tuple(place / name for name in self.files)
         for path in paths:
             check_new(path, overwrite=overwrite)
-        place.mkdir(parents=True, exist_ok=True)
         for path, text in zip(paths, self.files.values(), strict=True):
             with whole_file(path) as draft:
                 draft.write_text(text, encoding="utf-8")

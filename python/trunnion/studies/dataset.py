@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from trunnion.base.arguments import checked
 from trunnion.base.checks import optional_module
-from trunnion.base.errors import DataError, InputError
+from trunnion.base.errors import DataError
 from trunnion.base.input import path_of
-from trunnion.base.output import whole_file
+from trunnion.base.output import check_new, whole_file
 from trunnion.studies.description import AnotherSweepError, Description
 from trunnion.studies.store import Blocks, Journal
 from trunnion.studies.study import Value
@@ -34,10 +34,7 @@ def target_of(path: Any) -> Path:
     Raises InputError: no path, a folder, or a path in a folder that is not there.
     """
     target = path_of(path)
-    if target.is_dir():
-        raise InputError(f"path: got {target}, a folder, expected a file")
-    if not target.parent.is_dir():
-        raise InputError(f"path: got {target}, expected a file in a folder that is there")
+    check_new(target, overwrite=True)
     return target
 
 
