@@ -211,6 +211,20 @@ def test_command_shows_estimates_programs_and_machines(tmp_path: Path) -> None:
         assert "Plotly.newPlot" in out.read_text(encoding="utf-8")
 
 
+@pytest.mark.parametrize("ending", ["ngc", "nc", "TAP", "gcode", "mpf", "spf"])
+def test_a_file_that_a_control_takes_for_a_program_is_viewed_as_one(
+    ending: str, tmp_path: Path
+) -> None:
+    """And no table is written under its name: one list says what is a program."""
+    part, out = tmp_path / f"part.{ending}", tmp_path / "part.html"
+    part.write_text("G21 G90\nG0 X0 Y0 Z5\nG1 X10 F100\nM2\n", encoding="utf-8")
+    run = CliRunner().invoke(app, ["view", str(part), "-o", str(out)])
+    assert run.exit_code == 0, run.output
+    setup = str(tn.sample_path("cross/setup.toml"))
+    words = ["simulate", setup, "-o", str(part), "--force"]
+    assert "takes for a program" in CliRunner().invoke(app, words).stderr
+
+
 def test_arrows_of_residuals_stand_outside_the_body_and_an_outlier_hides_none() -> None:
     """A touch that meets the body late is an arrow that ends on it; the outlier's is cut."""
     setup = tn.Setup(tn.Artefact("cross"))

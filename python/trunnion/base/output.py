@@ -21,7 +21,7 @@ LOG = logging.getLogger("trunnion.files")
 
 
 WRITTEN = {
-    "an NC program": (".ngc", ".nc", ".tap", ".mpf", ".spf"),
+    "an NC program": (".ngc", ".nc", ".tap", ".gcode", ".mpf", ".spf"),
     "a page (HTML)": (".html", ".htm"),
     "a log of touches": (".log",),
     "a table of corrections": (".comp", ".tbl"),

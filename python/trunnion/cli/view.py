@@ -10,13 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import PAGE, Answer, command, near_file, save
+from trunnion.cli.command import PAGE, Answer, command, is_program, near_file, save
 from trunnion.cli.schema import Printed
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
-
-PROGRAMS = (".ngc", ".nc", ".tap", ".gcode")
 
 
 class Views(TypedDict):
@@ -90,7 +88,7 @@ def _of_setup(setup: tn.Setup) -> Figure:
 def _of_file(
     file: Path, setup: tn.Setup | None, *, residuals: bool, dialect: str
 ) -> Iterator[Figure]:
-    if file.suffix.lower() in PROGRAMS:
+    if is_program(file):
         text = file.read_text(encoding="utf-8", errors="surrogateescape")
         yield tn.plot.scene(tn.nc.Program.parse(text, dialect))
         return
