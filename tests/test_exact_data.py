@@ -248,3 +248,33 @@ def test_a_machine_without_errors_on_a_grid_has_no_cause(plan: str, read: str) -
         found = diagnose(ticks.touches(touched, positions), stated)
         assert found.verdict == "consistent"
         assert found.none_probability > 0.99
+
+
+def test_standard_errors_without_a_scatter_are_said_to_mean_nothing() -> None:
+    """Of exact touches, and of as many as parameters; not where the repeatability is known."""
+    setup = Setup(Artefact("cross"))
+    truth = {"EX0C": 15.37, "EA0A": -12.113, "EB0C": 7.31, "EZ0A": 3.3}
+    made = tn.simulate(tn.plan(setup), setup, truth)
+    noisy = tn.simulate(tn.plan(setup), setup, truth, noise_um=0.5, seed=3)
+    few = noisy[enough_rows(noisy, setup)]
+    known = replace(setup, probe=replace(setup.probe, repeatability_um=0.5))
+    for data, why in ((made, "touches fit exactly"), (few, "no more touches than parameters")):
+        found = tn.identify(data, setup)
+        assert max(found.std_errors.values()) < 1e-6
+        assert why in found.notes[-1]
+        assert "[probe] repeatability_um" in found.notes[-1]
+        stated = tn.identify(data, known)
+        assert stated.notes == ()
+        assert min(stated.std_errors.values()) > 0.01
+    assert "touches fit exactly" in tn.closed_form(made, setup).notes[-1]
+    assert tn.identify(noisy, setup).notes == ()
+
+
+def enough_rows(data: tn.Touches, setup: Setup) -> list[int]:
+    """As many rows as there are parameters, by which all are identified: each raises the rank."""
+    rows: list[int] = []
+    for row in range(len(data)):
+        seen = tn.observability(data[[*rows, row]], setup)
+        if seen.rank > len(rows):
+            rows.append(row)
+    return rows

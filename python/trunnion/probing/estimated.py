@@ -18,6 +18,9 @@ from trunnion.probing.model import TouchModel, with_recognised_step
 from trunnion.probing.result import IdentificationResult
 from trunnion.setup import Setup
 
+MIN_SCATTER_UM = 1e-6
+"""A picometre: no measurement scatters less."""
+
 R = TypeVar("R", bound=IdentificationResult)
 
 
@@ -56,4 +59,18 @@ def _with_notes(data: Touches, setup: Setup, solve: Callable[[Touches, Setup], R
             result = replace(result, notes=(*result.notes, said))
     model = TouchModel(setup)
     mistakes = likely_mistakes(result, data, model, model.moves(data))
-    return replace(result, notes=(*frame_notes(data), *mistakes, *result.notes))
+    vain = _without_scatter(result, setup)
+    return replace(result, notes=(*frame_notes(data), *mistakes, *result.notes, *vain))
+
+
+def _without_scatter(result: IdentificationResult, setup: Setup) -> tuple[str, ...]:
+    """Say where nothing shows how readings scatter: standard errors are 0, or of the arithmetic."""
+    if setup.probe.repeatability_um or result.sigma_um > MIN_SCATTER_UM:
+        return ()
+    why = "The touches fit exactly, as simulated ones without noise do"
+    if result.degrees_of_freedom <= 0:
+        why = "There are no more touches than parameters, and they fit exactly"
+    return (
+        f"{why}: nothing shows how readings scatter, and the standard errors, 0 or nearly so, say "
+        "nothing of a measurement. State [probe] repeatability_um (or simulate with noise_um).",
+    )
