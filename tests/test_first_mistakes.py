@@ -305,7 +305,7 @@ def test_outliers_of_a_log_are_named_by_its_lines_and_touches(tmp_path: Path) ->
     """The line of the plan is another one: its header has one line, the log's has two here."""
     _, lines = logged(tmp_path, off_um=30.0, touch=12)
     log = tmp_path / "run.log"
-    log.write_text("\n".join([lines[0], "; G54 0 0 0", *lines[1:]]) + "\n")
+    log.write_text("\n".join([lines[0], "; clamped at 40 bar", *lines[1:]]) + "\n")
     plan, setup = tmp_path / "plan.csv", tmp_path / "setup.toml"
     said = said_by("diagnose", plan, setup, "--probe-log", log, code=0)
     assert "Outlier, left out: line 14 of run.log (touch 12)." in said

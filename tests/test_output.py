@@ -146,7 +146,7 @@ OTHERS = [
 ]
 """Further ones of single commands."""
 
-ENDINGS = (".json", ".csv", ".html", ".ngc", ".png", ".netcdf", ".nc", ".comp", ".log")
+ENDINGS = (".json", ".csv", ".html", ".ngc", ".png", ".netcdf", ".nc", ".comp", ".log", "")
 
 
 def writers(command: Any, words: tuple[str, ...] = ()) -> Iterator[tuple[str, str]]:

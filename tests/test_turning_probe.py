@@ -114,7 +114,7 @@ def test_what_is_left_out_is_told() -> None:
 
 def test_bad_probes_and_heights_are_refused() -> None:
     profile = Profile.from_points([(100, 20), (0, 20)])
-    with pytest.raises(InputError, match="ball radius"):
+    with pytest.raises(InputError, match="ball_diameter_mm"):
         probe_path(profile, TurningProbe(ball_diameter_mm=0.0), chuck_radius_mm=0.0)
     with pytest.raises(InputError, match="retract radius"):
         probe_path(profile, retract_x_mm=20.0, chuck_radius_mm=0.0)

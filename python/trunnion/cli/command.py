@@ -213,12 +213,8 @@ def command(
             output = options.pop("output") if own else None
             how = {key: options.pop(key) for key, *_ in READING} if reads else {}
             try:
-                _check_numbers(context)
                 with _logged(verbose), _warnings_as_notes(), shown_progress(), _reading(how):
-                    if output is not None:
-                        check_outputs(output)
-                    if options.get("html") is not None:
-                        check_outputs(options["html"], what=PAGE)
+                    _check_given(context, output, options.get("html"))
                     answer = function(*arguments, **options)
                     if output is not None:
                         answer = replace(answer, shown=(*answer.shown, answer.save(output)))
@@ -244,8 +240,12 @@ def command(
     return decorate
 
 
-def _check_numbers(context: typer.Context) -> None:
-    """Refuse a number of an option that no machine has: nan, infinite, or far too large."""
+def _check_given(context: typer.Context, output: Path | None, html: Path | None) -> None:
+    """Refuse numbers that no machine has (nan, infinite, far too large) and files to write."""
+    if output is not None:
+        check_outputs(output)
+    if html is not None:
+        check_outputs(html, what=PAGE)
     for option in context.command.params:
         value = context.params.get(option.name or "")
         if option.param_type_name != "option" or value == option.default:

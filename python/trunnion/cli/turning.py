@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict, cast
 import typer
 
 import trunnion as tn
-from trunnion.base.checks import within
 from trunnion.cli.command import PROGRAM, Answer, Output, command, group_of, save, sort_files
 from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
 from trunnion.cli.schema import Printed
@@ -130,6 +129,8 @@ def finish(
 
 def _frame(dialect: str, speed_m_min: float, follows: str) -> tuple[Blocks, Blocks]:
     """Blocks before and after the contour: modes, spindle, compensation of the nose; the end."""
+    from trunnion.base.checks import within
+
     if dialect == "paper-um":
         return [], []
     within("speed_m_min", speed_m_min, 1e-3)
@@ -165,6 +166,7 @@ def path(
     picture: Picture = None,
 ) -> Answer:
     """Lay out the probe's path along the part of a finishing program; write the probe program."""
+    from trunnion.base.checks import within
     from trunnion.turning.profile import LOWEST_FEED
 
     within("--probe-feed", probe_feed, LOWEST_FEED)

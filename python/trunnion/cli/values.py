@@ -9,7 +9,6 @@ import typer
 
 from trunnion.base.errors import InputError
 from trunnion.base.input import listed_numbers
-from trunnion.base.units import unit_of
 
 Angles = Annotated[str, typer.Option(help="0,90,180 or first:last:step, degrees")]
 
@@ -24,6 +23,7 @@ def sensible(what: str, value: float, name: str) -> float:
 
     Raises InputError: one that is not finite, or far beyond; `what` begins the message.
     """
+    from trunnion.base.units import unit_of
     from trunnion.files.columns import LARGEST
 
     unit = unit_of(name)
