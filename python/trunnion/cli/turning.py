@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypedDict, cast
+from typing import TYPE_CHECKING, Annotated, TypedDict, cast
 
 import typer
 
@@ -120,11 +120,8 @@ def finish(
         head=head,
         tail=tail,
     )
-    shown: list[Any] = [made]
-    if picture is not None:
-        shown.append(_save_picture(picture, tn.plot.plot_profile(profile).figure))
-    shown.append(_written(made.program, output))
-    return Answer(made, tuple(shown))
+    saved = _saved(picture, lambda: tn.plot.plot_profile(profile).figure)
+    return Answer(made, (made, *saved, _written(made.program, output)))
 
 
 def _frame(dialect: str, speed_m_min: float, follows: str) -> tuple[Blocks, Blocks]:
@@ -194,11 +191,9 @@ def path(
     head = [] if plain else [*safe, [per_minute]]
     tail = [] if plain else [[("M", 2 if linuxcnc else 30)]]
     written = found.program(dialect, feed=probe_feed, head=head, tail=tail)
-    shown: list[Any] = [found]
-    if picture is not None:
-        shown.append(_save_picture(picture, tn.plot.plot_probe_path(found).figure))
-    shown.append(_written(written, output))
-    return Answer(found.to_dict() | {"program": written.text()}, tuple(shown))
+    saved = _saved(picture, lambda: tn.plot.plot_probe_path(found).figure)
+    values = found.to_dict() | {"program": written.text()}
+    return Answer(values, (found, *saved, _written(written, output)))
 
 
 def _chuck(radius_mm: float | None, no_chuck: bool) -> float:
@@ -256,17 +251,17 @@ def correct(
             feed=feed,
             machine_codes=_codes(machine_code),
         )
-    shown: list[Any] = [got]
-    if picture is not None:
-        shown.append(_save_picture(picture, tn.plot.plot_correction(got).figure))
-    shown.append(_written(got.program, output))
-    return Answer(got, tuple(shown))
+    saved = _saved(picture, lambda: tn.plot.plot_correction(got).figure)
+    return Answer(got, (got, *saved, _written(got.program, output)))
 
 
-def _save_picture(target: Path, figure: Figure | SubFigure) -> str:
+def _saved(target: Path | None, draw: Callable[[], Figure | SubFigure]) -> tuple[str, ...]:
+    """Draw a picture and save it, where one is wanted."""
+    if target is None:
+        return ()
     from trunnion.plot.axes import close
 
-    whole = figure.get_figure(root=True)
+    whole = draw().get_figure(root=True)
     known = whole.canvas.get_supported_filetypes()
     try:
         if target.suffix.lstrip(".").lower() not in known:
@@ -274,6 +269,6 @@ def _save_picture(target: Path, figure: Figure | SubFigure) -> str:
                 f"picture: got {target.name!r}, expected a name that ends in one of "
                 + ", ".join(sorted(known))
             )
-        return save(target, lambda path: whole.savefig(path, dpi=130))
+        return (save(target, lambda path: whole.savefig(path, dpi=130)),)
     finally:
         close(whole)  # pyplot would keep it

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
@@ -20,8 +21,46 @@ from trunnion.data.slopes import Mesh, Noise, Slopes, Zone
 LEAST_SQUARES, MINIMUM_ZONE = "least squares", "minimum zone"
 
 
+class _Zones:
+    """What straightness and flatness say alike, by their name `what`."""
+
+    what: ClassVar[str]
+    minimum_zone_um: float
+    std_errors: Mapping[str, float]
+    notes: tuple[str, ...]
+
+    def labels(self) -> dict[str, str]:
+        """Name of each figure → what people call it."""
+        named = {f"{self.what}_um": LEAST_SQUARES, "minimum_zone_um": MINIMUM_ZONE}
+        return {name: f"{self.what}, {zone}" for name, zone in named.items()}
+
+    def headline(self) -> str:
+        """Both zones."""
+        width_um = getattr(self, f"{self.what}_um")
+        return f"{self.what} {width_um:.3g} µm, minimum zone {self.minimum_zone_um:.3g} µm"
+
+    def sentences(self) -> tuple[str, ...]:
+        """What is not known."""
+        return self.notes
+
+    def _zones(self, zeros: Sequence[float | None], noise: Sequence[Noise]) -> Table:
+        """Table of both zones with their uncertainty, and of the instrument."""
+        rows: list[tuple[Cell, ...]] = [
+            (label, *measured(getattr(self, name), self.std_errors[name]), "µm")
+            for name, label in self.labels().items()
+        ]
+        for text, zero, one in zip(("along", "across"), zeros, noise, strict=False):
+            if zero is not None:
+                rows.append((f"instrument zero {text}", significant(zero), None, "µm/m"))
+            rows.append(
+                (f"noise of a reading {text}, {one.source}", significant(one.sigma), None, "µm/m")
+            )
+        heads = ("", "value", "standard uncertainty", "unit")
+        return Table.of(self.what.capitalize(), heads, rows)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class Straightness(Result):
+class Straightness(_Zones, Result):
     """Profile of a line, and its straightness.
 
     Attributes
@@ -53,6 +92,7 @@ class Straightness(Result):
     """
 
     GRID = dict.fromkeys(("heights_um", "heights_std_um"), ("positions_mm",))
+    what = "straightness"
 
     positions_mm: Floats
     heights_um: Floats
@@ -93,21 +133,6 @@ class Straightness(Result):
             notes=(note,) if note else (),
         )
 
-    def labels(self) -> dict[str, str]:
-        """Name of each figure → what people call it."""
-        return _zone_labels("straightness")
-
-    def headline(self) -> str:
-        """Both zones."""
-        return (
-            f"straightness {self.straightness_um:.3g} µm, minimum zone "
-            f"{self.minimum_zone_um:.3g} µm"
-        )
-
-    def sentences(self) -> tuple[str, ...]:
-        """What is not known."""
-        return self.notes
-
     def tables(self) -> tuple[Table, ...]:
         """Return both zones, and the profile."""
         rows: list[tuple[Cell, ...]] = [
@@ -115,17 +140,13 @@ class Straightness(Result):
             for x, z, s in zip(self.positions_mm, self.heights_um, self.heights_std_um, strict=True)
         ]
         heads = ("position, mm", "height, µm", "standard uncertainty, µm")
-        widths = {
-            LEAST_SQUARES: (self.straightness_um, self.std_errors["straightness_um"]),
-            MINIMUM_ZONE: (self.minimum_zone_um, self.std_errors["minimum_zone_um"]),
-        }
         noise = Noise(self.noise_um_m, self.noise_source)
-        zones = _zones("Straightness", widths, [self.instrument_zero_um_m], [noise])
+        zones = self._zones([self.instrument_zero_um_m], [noise])
         return zones, Table.of(f"Profile, {LEAST_SQUARES}", heads, rows)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Flatness(Result):
+class Flatness(_Zones, Result):
     """Heights of a surface, and its flatness.
 
     Attributes
@@ -156,6 +177,7 @@ class Flatness(Result):
     """
 
     GRID = dict.fromkeys(("x_mm", "y_mm", "heights_um", "heights_std_um"), ("place",))
+    what = "flatness"
 
     x_mm: Floats
     y_mm: Floats
@@ -198,18 +220,6 @@ class Flatness(Result):
             notes=(note,) if note else (),
         )
 
-    def labels(self) -> dict[str, str]:
-        """Name of each figure → what people call it."""
-        return _zone_labels("flatness")
-
-    def headline(self) -> str:
-        """Both zones."""
-        return f"flatness {self.flatness_um:.3g} µm, minimum zone {self.minimum_zone_um:.3g} µm"
-
-    def sentences(self) -> tuple[str, ...]:
-        """What is not known."""
-        return self.notes
-
     def tables(self) -> tuple[Table, ...]:
         """Return both zones, and the heights."""
         rows: list[tuple[Cell, ...]] = [
@@ -219,12 +229,8 @@ class Flatness(Result):
             )
         ]
         heads = ("x, mm", "y, mm", "height, µm", "standard uncertainty, µm")
-        widths = {
-            LEAST_SQUARES: (self.flatness_um, self.std_errors["flatness_um"]),
-            MINIMUM_ZONE: (self.minimum_zone_um, self.std_errors["minimum_zone_um"]),
-        }
         noise = [Noise(n, self.noise_source) for n in self.noise_um_m]
-        zones = _zones("Flatness", widths, self.instrument_zero_um_m or (None, None), noise)
+        zones = self._zones(self.instrument_zero_um_m or (None, None), noise)
         return zones, Table.of(f"Heights, {LEAST_SQUARES}", heads, rows)
 
 
@@ -329,26 +335,3 @@ def _known(std: float, noise: Sequence[Noise]) -> float:
 def _errors(name: str, zone: Zone, noise: Sequence[Noise]) -> dict[str, float]:
     names = (name, "minimum_zone_um")
     return {k: _known(s, noise) for k, s in zip(names, zone.std_errors, strict=True)}
-
-
-def _zone_labels(what: str) -> dict[str, str]:
-    return {f"{what}_um": f"{what}, {LEAST_SQUARES}", "minimum_zone_um": f"{what}, {MINIMUM_ZONE}"}
-
-
-def _zones(
-    title: str,
-    widths: Mapping[str, tuple[float, float]],
-    zeros: Sequence[float | None],
-    noise: Sequence[Noise],
-) -> Table:
-    """Table of both zones with their uncertainty, and of the instrument."""
-    rows: list[tuple[Cell, ...]] = [
-        (f"{title.lower()}, {text}", *measured(*width), "µm") for text, width in widths.items()
-    ]
-    for text, zero, one in zip(("along", "across"), zeros, noise, strict=False):
-        if zero is not None:
-            rows.append((f"instrument zero {text}", significant(zero), None, "µm/m"))
-        rows.append(
-            (f"noise of a reading {text}, {one.source}", significant(one.sigma), None, "µm/m")
-        )
-    return Table.of(title, ("", "value", "standard uncertainty", "unit"), rows)

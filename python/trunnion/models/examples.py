@@ -81,33 +81,26 @@ def positioning() -> tuple[Positioning, None]:
 
 def levels() -> tuple[Levels, None]:
     """Twelve places of a line with the instrument one way, and again with it turned."""
-    there = 100.0 * np.arange(1, 13)
-    sense = np.repeat([1.0, -1.0], len(there))
-    noise = NOISE_UM * _normal((2, 2 * len(there)))
-    data = Levels(
-        position_mm=np.concatenate([there, there]),
-        along_um_m=30.0 * sense + noise[0],
-        across_um_m=-12.0 * sense + noise[1],
-        turn_deg=np.where(sense > 0, 0.0, 180.0),
-        time_s=20.0 * np.arange(len(sense)),
-    )
-    return data, None
+    return _turned_level(position_mm=100.0 * np.arange(1.0, 13.0)), None
 
 
 def surface_levels() -> tuple[Levels, None]:
     """Seven by six places of a surface, with the instrument one way, then turned."""
     x, y = (100.0 * a.ravel() for a in np.meshgrid(np.arange(7.0), np.arange(6.0)))
-    sense = np.repeat([1.0, -1.0], len(x))
-    noise = NOISE_UM * _normal((2, 2 * len(x)))
-    data = Levels(
-        x_mm=np.concatenate([x, x]),
-        y_mm=np.concatenate([y, y]),
+    return _turned_level(x_mm=x, y_mm=y), None
+
+
+def _turned_level(**places_mm: Floats) -> Levels:
+    """Readings at places, (n,) each, with the instrument one way, and again with it turned."""
+    sense = np.repeat([1.0, -1.0], len(next(iter(places_mm.values()))))
+    noise = NOISE_UM * _normal((2, len(sense)))
+    return Levels(
+        **{name: np.tile(place, 2) for name, place in places_mm.items()},
         along_um_m=30.0 * sense + noise[0],
         across_um_m=-12.0 * sense + noise[1],
         turn_deg=np.where(sense > 0, 0.0, 180.0),
         time_s=20.0 * np.arange(len(sense)),
     )
-    return data, None
 
 
 def sweep() -> tuple[Sweep, None]:

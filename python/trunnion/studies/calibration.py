@@ -15,7 +15,7 @@ from trunnion.probing.model import TouchModel
 from trunnion.probing.plan import plan
 from trunnion.probing.simulate import OFF_SURFACE_MM
 from trunnion.setup import Artefact, Machine, Probe, Resolution, Setup
-from trunnion.studies.study import Block, Output, Parameter, Seeds, Value, Values
+from trunnion.studies.study import TRUTH, Block, Output, Parameter, Seeds, Value, Values
 
 CALIBRATION_PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
     {
@@ -29,14 +29,10 @@ CALIBRATION_PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
         "rotary_arcsec": Parameter(0.36, "arcsec", low=0.0),
         "layout": Parameter("side", choices=("side", "top")),
         "repeats": Parameter(1, low=1, high=1000),
-        "errors_um": Parameter(60.0, "µm", low=0.0),
-        "errors_arcsec": Parameter(60.0, "arcsec", low=0.0),
-        "placement_um": Parameter(100.0, "µm", low=0.0),
-        "placement_arcsec": Parameter(100.0, "arcsec", low=0.0),
+        **TRUTH,
     }
 )
-"""What a virtual calibration has. The last four are half-widths of the uniform distributions that
-true location errors and placements are drawn from."""
+"""What a virtual calibration has."""
 
 
 @dataclass(frozen=True)

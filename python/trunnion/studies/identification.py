@@ -16,7 +16,7 @@ from trunnion.probing.simulate import simulate
 from trunnion.setup import Artefact, Setup
 from trunnion.studies.grid import Grid
 from trunnion.studies.setting import Setting, effect_parameters, setup_parameters
-from trunnion.studies.study import Block, Output, Parameter, Seeds, Values
+from trunnion.studies.study import TRUTH, Block, Output, Parameter, Seeds, Values
 
 NAMES_DEPEND_ON = ("machine.preset", "estimate", "artefact.kind")
 
@@ -51,10 +51,7 @@ class IdentificationStudy:
             **effects,
             "estimate": Parameter(""),
             "noise_um": Parameter(0.3, "µm", low=0.0),
-            "errors_um": Parameter(60.0, "µm", low=0.0),
-            "errors_arcsec": Parameter(60.0, "arcsec", low=0.0),
-            "placement_um": Parameter(100.0, "µm", low=0.0),
-            "placement_arcsec": Parameter(100.0, "arcsec", low=0.0),
+            **TRUTH,
         }
         object.__setattr__(self, "parameters", found)
 

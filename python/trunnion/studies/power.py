@@ -16,7 +16,7 @@ from trunnion.probing.model import TouchModel
 from trunnion.probing.simulate import simulate
 from trunnion.setup import Artefact, Setup
 from trunnion.studies.setting import PLAN, Setting, effect_parameters, setup_parameters
-from trunnion.studies.study import Block, Output, Parameter, Seeds, Value, Values, guarded
+from trunnion.studies.study import TRUTH, Block, Output, Parameter, Seeds, Value, Values, guarded
 
 NONE = "none"
 
@@ -61,10 +61,7 @@ class DiagnosisPowerStudy:
             "noise_um": Parameter(0.3, "µm", low=0.0),
             "tick_um": Parameter(0.1, "µm", low=0.0),
             "plan": Parameter("rich", choices=("paper", "rich")),
-            "errors_um": Parameter(60.0, "µm", low=0.0),
-            "errors_arcsec": Parameter(60.0, "arcsec", low=0.0),
-            "placement_um": Parameter(100.0, "µm", low=0.0),
-            "placement_arcsec": Parameter(100.0, "arcsec", low=0.0),
+            **TRUTH,
         }
         object.__setattr__(self, "parameters", found)
 

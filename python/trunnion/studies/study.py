@@ -45,6 +45,15 @@ class Parameter:
     optional: bool = False
 
 
+TRUTH: Mapping[str, Parameter] = {
+    "errors_um": Parameter(60.0, "µm", low=0.0),
+    "errors_arcsec": Parameter(60.0, "arcsec", low=0.0),
+    "placement_um": Parameter(100.0, "µm", low=0.0),
+    "placement_arcsec": Parameter(100.0, "arcsec", low=0.0),
+}
+"""Half-widths of the uniform distributions of true location errors and placements."""
+
+
 @dataclass(frozen=True)
 class Output:
     """An output of a study, one number a sample, or one for each `labels` along dimension `dim`.
