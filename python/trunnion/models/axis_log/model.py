@@ -116,8 +116,9 @@ class AxisLogModel(Model):
         self._point = point
         self.inside = frozenset(() if point is None else point.effects)
         self._signals = self._read()
-        self._off = self.readings = self._deviations()
+        self._off = self._deviations()
         self.nuisance, self._design = self._initial_states()
+        self.readings = replace(self._off, values=self._off.values + self._design @ self._starts)
         self._given, self._chords = tuple(effects), dict(chords or {})
         with_own([], [e for e in effects if not isinstance(e, str)], log)  # checked at once
         if any(isinstance(e, str) for e in effects):
@@ -202,24 +203,22 @@ class AxisLogModel(Model):
         for name, entry in servo_effects(axis).items():
             if name in point.effects:
                 servo = entry.added(servo, axis, point.effects[name])
-        rest = np.zeros((len(axis.runs), 2))
-        starts, delay_ms = point.starts.get(axis.letter, rest), point.effects.get(LOG_DELAY, 0.0)
+        starts = point.starts.get(axis.letter, axis.begins)
+        delay_ms = point.effects.get(LOG_DELAY, 0.0)
         return replace(axis, servo=servo, starts=starts, log_delay_ms=delay_ms)
 
     def _without_point(self, point: Point) -> Readings:
-        """Readings less the plain model's: to what the point leaves, what it holds is added."""
+        """To what the point leaves the effects that it holds are added."""
         values = self.readings.values.copy()
         for effect in self.effects:
             if effect.id in point.effects:
                 values += np.asarray(effect.change(effect.values([point.effects[effect.id]])))
-        return replace(self.readings, values=values + self._design @ self._starts)
+        return replace(self.readings, values=values)
 
     @property
     def _starts(self) -> Floats:
         """States at the starts of the runs that the model is about, as the nuisance has them."""
-        starts = {} if self._point is None else self._point.starts
-        rest = np.zeros(2 * len(self.runs))
-        return np.concatenate([np.ravel(starts.get(letter, rest)) for letter in self.axes])
+        return np.concatenate([axis.begins.ravel() for axis in self._signals.axes])
 
     def near(self, *, always: bool = False) -> "AxisLogModel":
         """Return the model about a point near its log; itself where chords are exact enough."""

@@ -142,7 +142,7 @@ class _Search:
         self.runs = len(axis.runs)
         self.y = self.rest(axis.mean(axis.units.scale * (axis.actual - axis.commanded)))
         self.run_of = axis.blocks.run_of[: len(axis.blocks)]
-        self.at = np.concatenate([[log_delay_ms] * len(self.held), np.zeros(2 * self.runs)])
+        self.at = np.concatenate([[log_delay_ms] * len(self.held), axis.begins.ravel()])
         self.left = self.y - self.predicted([self.at])[0]
         self.take_in()
 

@@ -24,6 +24,8 @@ MAX_READINGS = 4500
 MIN_SAMPLES = 20  # of a run
 MAX_SUBSTEPS = 100  # control periods between two samples
 START_STEP = 0.1  # µm and µm/ms, arcsec and arcsec/ms, over which the free response is differenced
+BEGINNING = 9  # rows, from which the state is taken that a run begins in
+MOVING = 10.0  # µm or arcsec behind its first command, from which on an axis begins in motion
 MAX_BATCH = 2_000_000  # numbers in one batch of responses: 16 MB
 TIP_COLUMNS = ("tip_x_mm", "tip_y_mm", "tip_z_mm")
 
@@ -159,7 +161,7 @@ class AxisSignal:
     commanded, actual: Positions by row, mm or deg, shape (rows,).
     runs, blocks: Of the log.
     starts: How far each run begins ahead of its first command, and its speed then, µm (arcsec) and
-        µm/ms, shape (runs, 2); None: at rest.
+        µm/ms, shape (runs, 2); None: as recorded (`begins`).
     command_step: Step that was taken off the commanded positions, mm or deg; 0: none.
     log_delay_ms: Actual positions are recorded as those of so much earlier.
     """
@@ -187,6 +189,25 @@ class AxisSignal:
         """Readings of the axis."""
         return self.blocks.rows(self.channel)
 
+    @cached_property
+    def begins(self) -> Floats:
+        """State that each run begins in, as `starts`: at rest, or as recorded where it moves.
+
+        From rest the way to the motion would be simulated that play and friction have there.
+        """
+        if self.starts is not None:
+            return self.starts
+        out = np.zeros((len(self.runs), 2))
+        for i, run in enumerate(self.runs):
+            rows = slice(run.rows.start, run.rows.start + BEGINNING)
+            time = run.period_s * np.arange(len(self.actual[rows]))
+            step = self.commanded[rows][1] - self.commanded[rows][0]
+            follows = abs(step) / (run.period_s * self.nominal.gain_per_s)
+            if self.units.scale * follows > MOVING:
+                _, speed, at = np.polyfit(time, self.actual[rows] - self.commanded[rows][0], 2)
+                out[i] = self.units.scale * at, 1e-3 * self.units.scale * speed
+        return out
+
     # --- the servo model
 
     @cached_property
@@ -205,7 +226,7 @@ class AxisSignal:
         batch = max(1, MAX_BATCH // len(self.commanded))
         for start in range(0, len(servos), batch):
             some = servos[start : start + batch]
-            yield self._follow(some, feedback or self.feedback, self._fine_commands, self.starts)
+            yield self._follow(some, feedback or self.feedback, self._fine_commands, self.begins)
 
     def readings_of(
         self, servos: Sequence[Axis], starts: Floats, delays_ms: Sequence[float]
@@ -331,7 +352,7 @@ class AxisSignal:
     def sense_and_speed(self) -> tuple[Floats, Floats]:
         """Sense of travel and speed of the modelled motion by row; rest keeps the last sense."""
         sense, speed = np.zeros(len(self.commanded)), np.zeros(len(self.commanded))
-        moved = self._moved([self.servo], self.feedback, self._fine_commands, self.starts)[0]
+        moved = self._moved([self.servo], self.feedback, self._fine_commands, self.begins)[0]
         for run in self.runs:
             v = np.gradient(moved[run.rows], run.period_s)
             s = np.sign(np.where(np.abs(v) < 1e-6 * np.abs(v).max(initial=1e-30), 0.0, v))

@@ -289,11 +289,15 @@ impl Drive {
     }
 
     /// Let the axis be `ahead` of where it stands and move at a speed, as it does when a log begins.
-    pub fn start(&mut self, ahead: f64, speed: f64) {
+    ///
+    /// `gone`: how far it has gone this way since it stood; so far is its play taken up. Where the
+    /// load is in the play of an axis that stands is not known: in the middle.
+    pub fn start(&mut self, ahead: f64, speed: f64, gone: f64) {
+        let half = 0.5 * self.axis.backlash;
         self.y += ahead;
         self.v = speed;
         self.q = [self.q[0] + ahead, speed];
-        self.play += ahead;
+        self.play += ahead - gone.max(-half).min(half);
         self.commands = [speed; MAX_DELAY];
         self.load = self.load_position();
     }
@@ -418,6 +422,23 @@ impl Drive {
     }
 }
 
+/// How far an axis has gone the way it goes at the first of its commands: from where it stood, at
+/// the acceleration that it has there; without end if it does not come from there.
+fn gone_before(commands: &[f64]) -> f64 {
+    let [first, second, third, ..] = *commands else {
+        return 0.0;
+    };
+    let more = third - 2.0 * second + first; // of the step, a period later
+    let step = second - first - 0.5 * more; // at the first command
+    if step * (second - first) <= 0.0 {
+        0.0 // it turns or begins there
+    } else if step * more > 0.0 {
+        0.5 * step * step / more
+    } else {
+        step * f64::INFINITY
+    }
+}
+
 /// Load positions of drives with each of many parameters that follow the same commands, one a control
 /// period; every `stride`-th of them, one drive after the other. On all cores. `starts`: of each drive,
 /// how far it begins ahead of the first command, and its speed then.
@@ -440,9 +461,10 @@ pub fn responses(
         return Err(Error::input("starts", starts.len(), format!("{} of them", axes.len())));
     }
     let first = commands.first().copied().unwrap_or(0.0);
+    let gone = gone_before(commands);
     let follow = |(axis, start): (&Axis, &[f64; 2])| {
         let mut drive = Drive::new(axis, name, period, feedback, first)?;
-        drive.start(start[0], start[1]);
+        drive.start(start[0], start[1], gone);
         let mut out = Vec::with_capacity(commands.len().div_ceil(stride));
         for (i, command) in commands.iter().enumerate() {
             if i.is_multiple_of(stride) {
@@ -457,4 +479,35 @@ pub fn responses(
     }
     let each: Vec<Vec<f64>> = axes.par_iter().zip(starts).map(follow).collect::<Result<_>>()?;
     Ok(each.concat())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// First load positions of an axis with play under commands.
+    fn loads(commands: &[f64]) -> Vec<f64> {
+        let axis = Axis { backlash: 0.02, ..Axis::new(80.0, 0.005) };
+        responses(&[axis], &[[0.0, 0.0]], 'X', 1e-3, Feedback::Motor, commands, 1).unwrap()
+    }
+
+    #[test]
+    fn play_is_taken_up_where_a_log_begins_in_motion() {
+        let steady = [5.0, 5.1, 5.2, 5.3];
+        assert!((loads(&steady)[0] - 4.99).abs() < 1e-12);
+        let back = steady.map(|x| -x);
+        assert!((loads(&back)[0] + 4.99).abs() < 1e-12);
+        let slowing = [5.0, 5.1, 5.19, 5.27];
+        assert!((loads(&slowing)[0] - 4.99).abs() < 1e-12);
+    }
+
+    #[test]
+    fn play_is_not_taken_up_where_an_axis_starts() {
+        let from_rest = [5.0, 5.001, 5.004, 5.009];
+        assert!((loads(&from_rest)[0] - 5.0).abs() < 1e-12);
+        assert!((loads(&[5.0; 4])[0] - 5.0).abs() < 1e-12);
+        // 0.002 mm after it started: 0.5 step² / acceleration.
+        let just_started = [5.0, 5.003, 5.007, 5.012];
+        assert!((loads(&just_started)[0] - 4.997).abs() < 2e-3);
+    }
 }
