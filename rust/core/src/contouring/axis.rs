@@ -487,7 +487,7 @@ mod tests {
 
     /// First load positions of an axis with play under commands.
     fn loads(commands: &[f64]) -> Vec<f64> {
-        let axis = Axis { backlash: 0.02, ..Axis::new(80.0, 0.005) };
+        let axis = Axis { backlash: 0.02, ..Axis::linear(80.0, 0.005) };
         responses(&[axis], &[[0.0, 0.0]], 'X', 1e-3, Feedback::Motor, commands, 1).unwrap()
     }
 
@@ -506,8 +506,8 @@ mod tests {
         let from_rest = [5.0, 5.001, 5.004, 5.009];
         assert!((loads(&from_rest)[0] - 5.0).abs() < 1e-12);
         assert!((loads(&[5.0; 4])[0] - 5.0).abs() < 1e-12);
-        // 0.002 mm after it started: 0.5 step² / acceleration.
+        // It has gone 0.0025² / (2 · 0.001): less than half the play.
         let just_started = [5.0, 5.003, 5.007, 5.012];
-        assert!((loads(&just_started)[0] - 4.997).abs() < 2e-3);
+        assert!((loads(&just_started)[0] - 4.996_875).abs() < 1e-9);
     }
 }
