@@ -24,6 +24,7 @@ from trunnion.compensation import (
     volumetric_budget,
 )
 from trunnion.controls import correct_program
+from trunnion.data.frame import COLUMNS
 from trunnion.machine.geometry import Geometry
 
 AXES = {"A": tn.AxisSetup(point_mm=(0.0, 0.0, -50.0)), "C": tn.AxisSetup()}
@@ -389,11 +390,48 @@ def test_touches_that_follow_have_the_frame_of_those_before() -> None:
     first = first.with_columns(time_s=time)
     later = first.with_columns(time_s=time + count)
     assert first.followed_by(later).control_frame == first.control_frame
-    unsaid = touches().with_columns(time_s=time + count)
-    assert first.followed_by(unsaid).control_frame == first.control_frame
     for name, value in (("wcs_x_mm", 210.9), ("tool_length_mm", 101.0), ("control_corrected", 1)):
         with pytest.raises(tn.InputError, match=rf"^{name}: got {value:g} in the touches that fol"):
             first.followed_by(later.with_columns(**{name: np.full(count, value)}))
+
+
+def test_a_frame_that_only_one_part_says_is_given_to_no_other(tmp_path: Path) -> None:
+    """Rows of a file without a frame were written with that of a log, corrections and all."""
+    time = np.arange(len(touches()), dtype=float)
+    for one, other, which in (
+        (touches(), in_frame(control_corrected=1), "before"),
+        (in_frame(control_corrected=1), touches(), "that follow"),
+    ):
+        first, later = one.with_columns(time_s=time), other.with_columns(time_s=time + len(time))
+        with pytest.raises(tn.InputError, match=rf"^wcs_x_mm: got none in the touches {which}, "):
+            first.followed_by(later)
+        first.to_csv(tmp_path / "first.csv")
+        later.to_csv(tmp_path / "later.csv")
+        files = [tn.read_touches(tmp_path / f"{name}.csv") for name in ("first", "later")]
+        lacking = "first" if which == "before" else "later"
+        with pytest.raises(tn.InputError, match=rf"{which} \({lacking}\.csv\), expected"):
+            files[0].followed_by(files[1])
+    length = in_frame().with_columns(tool_length_mm=None, time_s=time + len(time))
+    with pytest.raises(
+        tn.InputError, match=r"^tool_length_mm: got none .*add tool_length_mm there"
+    ):
+        in_frame().with_columns(time_s=time).followed_by(length)
+    both = in_frame(control_corrected=1).with_columns(time_s=time)
+    plain = touches().with_columns(time_s=time + len(time))
+    assert both.with_columns(**dict.fromkeys(COLUMNS)).followed_by(plain).control_frame is None
+
+
+def test_further_touches_are_planned_for_touches_with_a_frame() -> None:
+    """A plan says no frame; which touches are chosen does not depend on that of the control."""
+    plain, framed = (tn.diagnose(one, SETUP) for one in (touches(), in_frame()))
+    chosen = [tn.next_touches(d, 4) for d in (plain, framed)]
+    for column in ("x_mm", "y_mm", "z_mm", "a_deg", "c_deg"):
+        assert np.array_equal(chosen[0][column], chosen[1][column])
+    asked = [
+        [(test.label, test.minutes, test.chance) for test in tn.next_measurement(d, SETUP)]
+        for d in (plain, framed)
+    ]
+    assert asked[0] == asked[1]
 
 
 def test_one_file_has_one_frame() -> None:
@@ -411,7 +449,20 @@ def test_touches_of_two_frames_share_no_location_errors(name: str) -> None:
 
 
 def test_another_tool_length_is_no_other_machine() -> None:
-    tn.diagnose([in_frame(), in_frame(tool_length_mm=120.0)], SETUP)
+    """But what it makes of errors along the tool is said, by all that compares two."""
+    other, said = in_frame(tool_length_mm=120.0), "tool_length_mm was 100 with the first measure"
+    for found in (
+        tn.diagnose([in_frame(), other], SETUP),
+        tn.compare(in_frame(), other, setup=SETUP),
+        tn.compare(tn.identify(in_frame(), SETUP), tn.identify(other, SETUP)),
+    ):
+        (note,) = (one for one in found.notes if "tool_length_mm" in one)
+        assert note.startswith(f"{said}ment, 120 with measurement 2: ")
+    same = tn.compare(in_frame(), touches(), in_frame(), setup=SETUP)
+    assert not any("tool_length_mm" in one for one in same.notes)
+    third = tn.compare(touches(), in_frame(), other, setup=SETUP)
+    said = "tool_length_mm was 100 with measurement 2, 120 with measurement 3: "
+    assert any(one.startswith(said) for one in third.notes)
 
 
 def test_a_comparison_says_whose_frame_is_another() -> None:

@@ -138,6 +138,10 @@ def test_what_the_control_did_is_refused_or_said() -> None:
         framed(after, wcs_x_mm=211.0, wcs_z_mm=-300.0, **on), SETUP, before=framed(before)
     ).notes
     assert "is 211 after; wcs_z_mm was -301 and is -300: " in moved
+    (longer,) = tn.verify_ball(
+        framed(after, tool_length_mm=90.0, **on), SETUP, before=framed(before, tool_length_mm=80.0)
+    ).notes
+    assert longer.startswith("tool_length_mm was 80 before and is 90 after: ")
     both = {"wcs_a_deg": 0.5, "wcs_c_deg": 1.5}
     with pytest.raises(tn.DataError, match=r"; wcs_c_deg: got 1.5, expected 0: the work offset"):
         tn.verify_ball(framed(after, **both), SETUP, before=framed(before, wcs_c_deg=0.0))

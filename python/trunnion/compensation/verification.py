@@ -391,12 +391,12 @@ def _of_frames(before: Touches | None, after: Touches) -> Iterator[str]:
             "without them (COMP_FILE, HOME_OFFSET, the work offset) is verified."
         )
     earlier = None if before is None else before.control_frame
-    moved = [] if earlier is None else earlier.differences(frame, [f"wcs_{x}_mm" for x in "xyz"])
-    if moved:
+    places = [*(f"wcs_{x}_mm" for x in "xyz"), "tool_length_mm"]
+    if moved := [] if earlier is None else earlier.differences(frame, places):
         said = listed(moved, "{name} was {before} before and is {after} after", MOVED)
         yield (
-            f"{said}: what another place of the work offset does is in the difference, beside what "
-            "the corrections do."
+            f"{said}: what another place of the work offset or tool length does is in the "
+            "difference, beside what the corrections do."
         )
 
 

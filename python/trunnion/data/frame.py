@@ -33,6 +33,19 @@ COLUMNS = (
 """Columns of touches that hold it, alike in every row."""
 OF_THE_MACHINE = tuple(name for name in COLUMNS if name != "tool_length_mm")
 """Those that location errors depend on: the tool length is taken off."""
+CHANGED = (
+    (
+        tuple(name for name in COLUMNS if name.startswith("wcs_")),
+        "location errors are about the axes of the work offset, and change with it",
+    ),
+    (
+        ("tool_length_mm",),
+        "positions are those of a tip at that length, and where one of the two is wrong, location "
+        "errors along the tool change by as much",
+    ),
+    (("control_corrected",), "changes are those that the control's corrections make"),
+)
+"""Columns, and what another value of theirs does to errors."""
 GOT_EXPECTED = "{name}: got {after}, expected {before}"
 
 
@@ -215,6 +228,24 @@ class ControlFrame:
             for frame in (self, later)
         )
         return differences(mine, theirs)
+
+
+def frame_changes(
+    frames: Sequence[ControlFrame | None], columns: Collection[str] = COLUMNS
+) -> Iterator[str]:
+    """Say of measurements in which columns, of some, their frame is not that of the first.
+
+    frames: Of each measurement; None: it says none, and the first is the first that says one.
+    """
+    known = [(number, frame) for number, frame in enumerate(frames, 1) if frame is not None]
+    for number, frame in known[1:]:
+        at, first = known[0]
+        of = "the first measurement" if at == 1 else f"measurement {at}"
+        found = first.differences(frame, columns)
+        for names, why in CHANGED:
+            if some := [one for one in found if one.name in names]:
+                said = f"{{name}} was {{before}} with {of}, {{after}} with measurement {number}"
+                yield f"{listed(some, said, '{name} was {before}, then {after}')}: {why}."
 
 
 def frame_notes(data: Any) -> tuple[str, ...]:

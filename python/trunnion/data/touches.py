@@ -112,14 +112,13 @@ class Touches(Table):
     def followed_by(self, later: "Touches") -> "Touches":
         """Put touches that were made later below these: one measurement, nothing having moved.
 
-        Those of `next_touches` are meant so. Columns that only one of both has are left out, but
-        for those of the control's frame, which is that of all.
+        Those of `next_touches` are meant so. Columns that only one of both has are left out.
 
         Raises
         ------
         InputError
             Their times begin before these end: expected are times of one clock. Or the control's
-            frame was changed between them.
+            frame was changed between them, or only one of both says it.
 
         Examples
         --------
@@ -128,9 +127,9 @@ class Touches(Table):
         >>> len(touches[:60].followed_by(touches[60:]))
         72
         """
-        frame = self._frame_with(later)
-        both = [one.with_columns(**frame.columns(len(one))) for one in (self, later)]
-        names = [name for name in both[0].columns if name in both[1].columns]
+        self._refuse_other_frame(later)
+        both = (self, later)
+        names = [name for name in self.columns if name in later.columns]
         parts = [one.with_columns(**dict.fromkeys({*one.columns} - {*names})) for one in both]
         if "time_s" in names and later["time_s"].min() < self["time_s"].max():
             raise InputError(
@@ -140,8 +139,18 @@ class Touches(Table):
             )
         return Touches.concatenate(parts)
 
-    def _frame_with(self, later: "Touches") -> ControlFrame:
-        """Return the frame of touches that others follow; refuse two that differ."""
+    def _refuse_other_frame(self, later: "Touches") -> None:
+        """Refuse touches of another frame than these, and a frame that only one of both says."""
+        for one, other, which in ((self, later, "before"), (later, self, "that follow")):
+            if lacking := [x for x in COLUMNS if x in other.columns and x not in one.columns]:
+                file = f" ({' and '.join(one.origin.names)})" if one.origin else ""
+                rest = "that follow" if which == "before" else "before"
+                raise InputError(
+                    f"{lacking[0]}: got none in the touches {which}{file}, expected the control's "
+                    f"frame as in those {rest}: nothing is known of whether all were made in one. "
+                    f"If it is known, add {', '.join(lacking)} there; if it is not, take these "
+                    "columns out of the others"
+                )
         first, then = self.control_frame or ControlFrame(), later.control_frame or ControlFrame()
         if found := first.differences(then):
             said = "{name}: got {after} in the touches that follow, expected {before} as in those "
@@ -150,7 +159,6 @@ class Touches(Table):
                 "lie in two frames. Measure all of them with one work offset, tool length and "
                 "kinematics"
             )
-        return first.beside(then)
 
     def _check(self) -> None:
         for axis in self.rotary_dir:
@@ -184,6 +192,11 @@ class Touches(Table):
                 f"the approach direction ({x!r}, {y!r}, {z!r}) of length {length[row]:.9g}",
                 f"a unit vector (to {UNIT_TOLERANCE:g})",
             )
+
+
+def without_frame(touches: Touches) -> Touches:
+    """Return touches that say no frame of the control, as those that none has made."""
+    return touches.with_columns(**dict.fromkeys(COLUMNS))
 
 
 def across_mm(way_mm: Floats, direction: Floats) -> Floats:

@@ -14,7 +14,7 @@ import numpy as np
 
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.units import Floats
-from trunnion.data.frame import OF_THE_MACHINE, listed
+from trunnion.data.frame import frame_changes
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
@@ -171,8 +171,6 @@ def of_one_machine(estimates: Sequence[Any]) -> tuple[str, ...]:
         The key of the set-up, and both values.
     """
     geometries = [getattr(one, "geometry", None) for one in estimates]
-    frames = [getattr(one, "control_frame", None) for one in estimates]
-    notes = []
     for i in range(1, len(estimates)):
         first, own = geometries[0], geometries[i]
         apart = None if first is None or own is None else first.differs(own)
@@ -182,23 +180,7 @@ def of_one_machine(estimates: Sequence[Any]) -> tuple[str, ...]:
                 f"{key}: got {theirs} with measurement {i + 1}, expected {mine} as with the first: "
                 "location errors refer to these axes. Estimate all of them with one set-up"
             )
-        if frames[0] is None or frames[i] is None:
-            continue
-        found = frames[0].differences(frames[i], OF_THE_MACHINE)
-        for corrections, why in enumerate(CHANGED):
-            some = [one for one in found if (one.name == "control_corrected") == corrections]
-            if some:
-                said = "{name} was {before} with the first measurement, {after} with measurement "
-                more = "{name} was {before}, then {after}"
-                notes.append(f"{listed(some, f'{said}{i + 1}', more)}: {why}.")
-    return tuple(notes)
-
-
-CHANGED = (
-    "location errors are about the axes of the work offset, and change with it",
-    "changes are those that the control's corrections make",
-)
-"""What another frame does to errors, and what corrections do."""
+    return tuple(frame_changes([getattr(one, "control_frame", None) for one in estimates]))
 
 
 def _unit(direction: Sequence[float]) -> Floats:

@@ -18,7 +18,7 @@ from trunnion.base.arguments import checked, name_place
 from trunnion.base.checks import choose, nearest
 from trunnion.base.errors import DataError, InputError, TrunnionError
 from trunnion.data.distinct import distinct_rows, given_again
-from trunnion.data.frame import OF_THE_MACHINE, frame_notes, listed
+from trunnion.data.frame import OF_THE_MACHINE, frame_changes, frame_notes, listed
 from trunnion.data.times import time_notes
 from trunnion.data.touches import Touches
 from trunnion.diagnosis.effect import EffectLike
@@ -393,7 +393,9 @@ def _of_several(data: Sequence[Any], setup: Any, effects: Sequence[EffectLike | 
         given = {"setup": setup, "candidates": tuple(effects)}
         found = joined(with_contradictions(diagnose_model(model), model), model, measured, given)
         found = with_mistakes_of_each(found, model.parts, measured, setup, _built)
-    return replace(found, notes=(*notes, *found.notes))
+    frames = [one.control_frame if isinstance(one, Touches) else None for one in tables]
+    lengths = frame_changes(frames, ("tool_length_mm",))
+    return replace(found, notes=(*notes, *lengths, *found.notes))
 
 
 def _at_least_two(data: Sequence[Any]) -> None:

@@ -22,7 +22,7 @@ from trunnion.base.stored import fitting, plain
 from trunnion.base.units import Floats
 from trunnion.data.ballbar import Ballbar
 from trunnion.data.positioning import Positioning
-from trunnion.data.touches import Touches
+from trunnion.data.touches import Touches, without_frame
 from trunnion.diagnosis.discrimination import Discrimination, Hypothesis
 from trunnion.diagnosis.effect import Values
 from trunnion.diagnosis.fit import fit
@@ -274,7 +274,7 @@ def _more_touches(diagnosis: Diagnosis) -> Iterator[_Test]:
             next_touches(diagnosis, FEW),
         ),
     ):
-        both = model.bind(old.followed_by(new))
+        both = model.bind(without_frame(old).followed_by(without_frame(new)))
         yield _Test(
             label,
             "touches",

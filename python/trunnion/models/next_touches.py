@@ -14,7 +14,7 @@ from trunnion.base.errors import DataError, InputError
 from trunnion.base.report import Result, Table
 from trunnion.base.saved import Columns
 from trunnion.base.units import Flags, Floats, Integers, unit_of
-from trunnion.data.touches import Touches
+from trunnion.data.touches import Touches, without_frame
 from trunnion.diagnosis.discrimination import Discrimination, Hypothesis
 from trunnion.diagnosis.effect import Effect, EffectValues, Values
 from trunnion.diagnosis.fit import fit
@@ -159,7 +159,7 @@ def expected_discrimination(d: Diagnosis, n: int = 8) -> ExpectedDiscrimination:
     pool = _pool(model)
     used = np.flatnonzero(~np.isin(np.arange(len(d.data)), d.outliers))
     old = d.data[used]
-    both = model.bind(old.followed_by(pool))
+    both = model.bind(without_frame(old).followed_by(without_frame(pool)))
     is_old = np.arange(len(both.data)) < len(old)
     tried = [
         (a.causes, _hypothesis(model, both, d, used, a.start, a.distance))

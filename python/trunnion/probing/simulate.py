@@ -11,8 +11,7 @@ import numpy as np
 from trunnion.base.arguments import checked
 from trunnion.base.checks import finite, instance, named
 from trunnion.base.errors import InputError
-from trunnion.data.frame import COLUMNS
-from trunnion.data.touches import Touches
+from trunnion.data.touches import Touches, without_frame
 from trunnion.machine.effects import split_effects
 from trunnion.machine.estimate import Estimate
 from trunnion.machine.geometry import refuse_other_axes
@@ -142,7 +141,7 @@ def simulate(
     if step := 1e-3 * setup.probe.resolution_um:
         recorded = step * np.round(recorded / step)
     places = dict(zip(("x_mm", "y_mm", "z_mm"), recorded.T, strict=True))
-    return plan.with_columns(**places, **dict.fromkeys(COLUMNS))  # no control: no frame of it
+    return without_frame(plan.with_columns(**places))
 
 
 def _longest_way_mm(plan: Touches) -> float:
