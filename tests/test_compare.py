@@ -213,3 +213,18 @@ def test_what_is_missing_of_a_comparison_is_said() -> None:
     (said,) = tn.compare(known, other).notes
     assert said == "No quantity is in all of them (before: EX0C, EB0A; after: EY0A)."
     assert tn.compare(known, known).notes == ()
+
+
+def test_what_touches_do_not_identify_is_said() -> None:
+    """A sphere on the axis C: where C is cannot be told from its tilt, nor that it changed."""
+    setup = tn.Setup(artefact=tn.Artefact("sphere", diameter_mm=25.0, centre_mm=(0.0, 0.0, 40.0)))
+    plan = tn.plan(setup)
+    before, after = (
+        tn.simulate(plan, setup, {"EX0C": e}, noise_um=0.3, seed=seed)
+        for e, seed in ((15.0, 1), (80.0, 2))
+    )
+    found = tn.compare(before, after, setup=setup)
+    lost = "EA0A, EB0C, EX0C, EY0C"
+    assert not {*lost.split(", ")} & set(found.changes)
+    for name in ("before", "after"):
+        assert f"Not compared, as {name} does not identify it: {lost}." in found.notes

@@ -15,6 +15,9 @@ from trunnion.diagnosis.plain import case_of
 
 MAX_STEPS = 8
 SETTLED = 1e-9  # of the residual's squares
+MAX_POINTS = 8
+SAME = 0.01  # of its standard error, by which a value may still move
+EXACT = 1e-6  # of a value that is known without noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +39,43 @@ class Refit:
 def refit(model: Model, effects: Mapping[str, Mapping[str, float]], outliers: Integers) -> Refit:
     """Fit nuisance and the linear parameters of effects.
 
+    A model that is linearised at a size (:meth:`Model.near`) is linearised anew about its own fit
+    until that stays: columns taken about other data are not those of a machine in another state.
+
     effects: Id → values, of which the nonlinear ones are held. outliers: data rows left out.
     """
+    at = model.near()
+    found = _fitted(at, effects, outliers)
+    for _ in range(MAX_POINTS):
+        about = at.about(*_within(at, found, effects))
+        if about is at:
+            break
+        at, before = about, found
+        found = _fitted(at, effects, outliers)
+        std = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+        moved = np.abs(found.values - before.values)[len(at.nuisance) :]
+        still = np.maximum(SAME * std, EXACT * np.abs(found.values))[len(at.nuisance) :]
+        if np.all(moved <= still):
+            break
+    return found
+
+
+def _within(
+    model: Model, found: Refit, effects: Mapping[str, Mapping[str, float]]
+) -> tuple[Floats, dict[str, Values]]:
+    """Nuisance and effects of a fit, these within what their parameters can be."""
+    count = len(model.nuisance)
+    fitted = dict(zip(found.names[count:], found.values[count:].tolist(), strict=True))
+    values = {}
+    for name, held in effects.items():
+        each = {p.name: p for p in model.effect(name).parameters}
+        sizes = {k: fitted.get(f"{name}.{k}", held.get(k, 0.0)) for k in each}
+        values[name] = Values({k: float(np.clip(v, *each[k].bounds)) for k, v in sizes.items()})
+    return found.values[:count], values
+
+
+def _fitted(model: Model, effects: Mapping[str, Mapping[str, float]], outliers: Integers) -> Refit:
+    """Fit about where the model is linearised."""
     bad = np.flatnonzero(np.isin(model.readings.rows, outliers))
     case = case_of(model).without(bad)
     used = [model.effect(name) for name in effects]

@@ -304,7 +304,7 @@ def not_compared(
     std: Sequence[Mapping[str, float]],
     stated: Sequence[Mapping[str, float] | None],
 ) -> tuple[str, ...]:
-    """Say which quantities of several estimates are not compared, and what is missing of them.
+    """Say which quantities of several measurements are not compared, and what is missing of them.
 
     names: Of the measurements. std: Of each, standard errors of its quantities, inf: unknown.
     stated: Of each, those that it states, inf: not identifiable; None: all.

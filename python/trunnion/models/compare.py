@@ -144,7 +144,7 @@ def compare(
     vectors: dict[str, tuple[_Vector, ...]] = {}
     if diagnosed:
         found = _joined(_of_standard([d.data for d in diagnosed], notes))
-        fitted, vectors = _fitted(diagnosed, notes)
+        fitted, vectors = _fitted(shown, diagnosed, notes)
         found = {**found, **fitted}
         notes += done_otherwise(shown, [d.data for d in diagnosed])
     else:
@@ -263,7 +263,7 @@ def surest_causes(diagnoses: Iterable[Diagnosis]) -> dict[str, Mapping[str, floa
 
 
 def _fitted(
-    diagnoses: Sequence[Diagnosis], notes: list[str]
+    shown: Sequence[str], diagnoses: Sequence[Diagnosis], notes: list[str]
 ) -> tuple[dict[str, tuple[_Value, ...]], dict[str, tuple[_Vector, ...]]]:
     """Every measurement with the causes of all of them: few parameters by name, many by effect."""
     models = _models(diagnoses)
@@ -298,6 +298,9 @@ def _fitted(
         }
         for f in fits
     ]
+    if named:
+        stds = [{n: v.std for n, v in one.items()} for one in each]
+        notes += not_compared(shown, stds, [None] * len(stds))
     vectors = {}
     for name in many:
         for part, mine in _split(models[0], fits[0], name).items():
@@ -319,14 +322,9 @@ def _label(model: Model, name: str, effects: Mapping[str, Any], few: Sequence[st
 
 def _models(diagnoses: Sequence[Diagnosis]) -> list[Model]:
     """Models of the data that share what they take from the first (a field, a travel)."""
-    first = diagnoses[0].rebuilt_model()
-    return [
-        first,
-        *(
-            first.bind(d.data) if d.setup == diagnoses[0].setup else d.rebuilt_model()
-            for d in diagnoses[1:]
-        ),
-    ]
+    first, setup = diagnoses[0].rebuilt_model(), diagnoses[0].setup
+    others = (first.bind(d.data) if d.setup == setup else d.rebuilt_model() for d in diagnoses[1:])
+    return [first, *others]
 
 
 def _parts(

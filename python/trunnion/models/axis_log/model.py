@@ -260,7 +260,9 @@ class AxisLogModel(Model):
 
     def _about(self, point: Point) -> "AxisLogModel":
         size = self._blocks.size
-        return AxisLogModel(self.data, self.setup, self._given, block=size, point=point)
+        return AxisLogModel(
+            self.data, self.setup, self._given, chords=self._chords, block=size, point=point
+        )
 
     def _deviations(self) -> Readings:
         """Readings of every channel: deviations from the model."""
