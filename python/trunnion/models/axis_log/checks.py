@@ -1,6 +1,7 @@
 """What an axis log must be before anything is read from it: errors, not causes."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from trunnion.contouring.servo import Servo
 from trunnion.data.axis_log import AxisLog
 from trunnion.data.mistaken import factors
 from trunnion.models.axis_log.signals import TIP_COLUMNS, AxisSignal
-from trunnion.models.axis_log.steps import step_of
+from trunnion.models.axis_log.steps import rounded_in
 
 MAX_PERIOD_GAIN = 2.0  # time between samples, times the loop gain
 MIN_MOTION = 0.01  # rms motion from which on it is checked, mm or deg
@@ -78,7 +79,7 @@ def check_resolution(signal: AxisSignal) -> None:
     unit, name = signal.units.large, signal.letter.lower()
     error = float(np.std(signal.commanded - signal.actual))
     for what, values in (("act", signal.actual), ("cmd", signal.commanded)):
-        step = step_of(values)
+        step = rounded_in(values, 0.0)
         if step > error > 0.0 and len(np.unique(signal.commanded)) > 1:
             raise DataError(
                 f"axis log, {name}_{what}_{unit}: got positions in steps of {step:.3g} {unit}, "
@@ -89,7 +90,7 @@ def check_resolution(signal: AxisSignal) -> None:
 
 def _steps_said(signal: AxisSignal) -> str:
     """Return the other reason why a log says nothing of the servo: its positions are rounded."""
-    step, unit = step_of(signal.actual), signal.units.large
+    step, unit = rounded_in(signal.actual, 0.0), signal.units.large
     lag = float(np.std(signal.commanded - signal.actual))
     if step <= lag:
         return ""
@@ -108,24 +109,22 @@ def check_motion(signal: AxisSignal) -> None:
         axis); or that are ahead of the commanded ones (columns exchanged).
     """
     unit, name = signal.units.large, signal.letter.lower()
-    actual, model = signal.actual.copy(), signal.predicted.copy()
-    speed = np.empty(len(model))
-    for run in signal.runs:
-        for values in (actual, model):
-            values[run.rows] -= values[run.rows].mean()
-        speed[run.rows] = np.gradient(signal.commanded[run.rows], run.period_s)
-    if float(model @ model) < len(model) * MIN_MOTION**2:
+    steady = _at_speed(signal)
+    actual = _about_means(signal, signal.actual)
+    # As recorded, a run begins wherever a mistake puts the axis; at speed, not as it really does.
+    models = [_about_means(signal, model) for model in (signal.predicted, steady)]
+    if min(float(model @ model) for model in models) < len(actual) * MIN_MOTION**2:
         return  # at rest, or nearly
-    ratio = float(model @ actual / (model @ model))
-    if asked := _as_errors(signal, actual):
+    off, ratio = min(_off(actual, model) for model in models)
+    travels = off <= MAX_UNCOMMANDED * float(np.sqrt(np.mean(actual**2)))
+    if asked := _as_errors(signal, steady, off if travels else np.inf):
         raise DataError(f"axis log, {name}_act_{unit}: got {asked}")
     if -2.0 < ratio < -0.5:
         raise DataError(
             f"axis log, {name}_act_{unit}: got motion opposite to {name}_cmd_{unit}, expected the "
             "same sense: change the sign of one of them"
         )
-    off = float(np.sqrt(np.mean((actual - ratio * model) ** 2)))
-    if off > MAX_UNCOMMANDED * float(np.sqrt(np.mean(actual**2))):
+    if not travels:
         raise DataError(
             f"axis log, {name}_act_{unit}: got motion of {off:.3g} {unit} rms that "
             f"{name}_cmd_{unit} does not command: does another axis move what is measured, or are "
@@ -137,6 +136,9 @@ def check_motion(signal: AxisSignal) -> None:
             f"says for {name}_cmd_{unit}, expected about 1: both in {unit}, of one axis"
             f"{_unit_said(f'{name}_act_{unit}', ratio)}"
         )
+    speed = np.empty(len(actual))
+    for run in signal.runs:
+        speed[run.rows] = np.gradient(signal.commanded[run.rows], run.period_s)
     late_s = float(speed @ (signal.commanded - signal.actual) / (speed @ speed))
     if late_s < -MAX_LEAD / signal.servo.gain_per_s:
         raise DataError(
@@ -145,19 +147,38 @@ def check_motion(signal: AxisSignal) -> None:
         )
 
 
-def _as_errors(signal: AxisSignal, actual: Floats) -> str:
+def _at_speed(signal: AxisSignal) -> Floats:
+    """Positions, mm or deg, of an axis that is at the speed of its first commands in each run."""
+    runs = [(run, signal.commanded[run.rows]) for run in signal.runs]
+    speed = np.array([(command[1] - command[0]) / run.period_s for run, command in runs])
+    begins = np.column_stack([-speed / signal.nominal.gain_per_s, 1e-3 * speed])
+    return replace(signal, starts=signal.units.scale * begins).predicted
+
+
+def _about_means(signal: AxisSignal, values: Floats) -> Floats:
+    """Values by row without their mean in each run."""
+    return np.concatenate([values[run.rows] - values[run.rows].mean() for run in signal.runs])
+
+
+def _off(actual: Floats, model: Floats) -> tuple[float, float]:
+    """How far values are off a multiple of those of a model, rms, and the multiple."""
+    ratio = float(model @ actual) / max(float(model @ model), TINY)
+    return float(np.sqrt(np.mean((actual - ratio * model) ** 2))), ratio
+
+
+def _as_errors(signal: AxisSignal, steady: Floats, off_position: float) -> str:
     """Ask whether actual positions are following errors; empty: they are not.
 
-    actual: Without its mean in each run.
+    steady: Positions from a start at speed: those as recorded would begin with the errors.
+    off_position: How far they are off as positions in whichever unit, rms; infinite: they do not
+        travel with the command.
     """
-    lag = signal.commanded - signal.predicted
-    for run in signal.runs:
-        lag[run.rows] -= lag[run.rows].mean()
-    share = float(lag @ actual) / max(float(lag @ lag), TINY)
-    off = float(np.sqrt(np.mean((actual - share * lag) ** 2)))
+    off, share = _off(signal.actual, signal.commanded - steady)
     units = {signal.units.large: 1.0, signal.units.small_symbol: signal.units.scale}
     near = [unit for unit, factor in units.items() if 0.5 < abs(share) / factor < 2.0]
-    if not near or off > MAX_UNCOMMANDED * float(np.sqrt(np.mean(actual**2))):
+    # A position may look like its own following error for a while; it is more like the command.
+    most = min(off_position, MAX_UNCOMMANDED * float(np.sqrt(np.mean(signal.actual**2))))
+    if not near or off > most:
         return ""
     small = signal.letter.lower(), signal.units.large
     command = "{}_cmd_{}".format(*small)

@@ -276,7 +276,7 @@ def without_steps(signal: AxisSignal) -> AxisSignal:
     A loop follows a staircase otherwise than what it was made of: friction and backlash would act
     on each of its steps.
     """
-    step = _rounded_in(signal.commanded, _noise_of(signal) / FINE_COMMAND)
+    step = rounded_in(signal.commanded, _noise_of(signal) / FINE_COMMAND)
     if not step:
         return signal
     smooth = _smooth(signal.commanded, step, signal.runs)
@@ -295,7 +295,7 @@ def _actual_step(signal: AxisSignal) -> tuple[float, bool]:
     """
     least = _noise_of(signal) / FINE
     stated = getattr(signal.nominal, signal.units.name("resolution_{small}")) / signal.units.scale
-    found = _rounded_in(signal.actual, least)
+    found = rounded_in(signal.actual, least)
     if stated > least and found < COARSER * stated:
         return stated, True
     return found, False
@@ -308,7 +308,7 @@ def _noise_of(signal: AxisSignal) -> float:
     return float(np.std(rough)) / DIFFERENCE
 
 
-def _rounded_in(values: Floats, least: float) -> float:
+def rounded_in(values: Floats, least: float) -> float:
     """Step in which positions are rounded, larger than ``least``; 0: none.
 
     Even places of a plan lie on a grid, too: an axis at constant speed goes a step a sample there.
