@@ -273,3 +273,23 @@ def test_the_command(tmp_path: Path) -> None:
     assert "µm before" in done.output
     expected = correct_program(tn.read_setup(tmp_path / "s.toml"), TABLE_2, FIVE_AXES, given="tcp")
     assert (tmp_path / "out.ngc").read_text() == expected.text
+
+
+def test_feeds_have_no_exponent() -> None:
+    """A move of half a micrometre was written with F2e+06, which no control reads."""
+    text = "G21 G90\nG0 X0 Y0 Z0 A0 C0\nG1 X0.0005 C0.0001 F1000\nX0.001 C90 F0.0001\nM2\n"
+    made = correct_program(SETUP, ESTIMATE, text)
+    feeds = re.findall(r"F\S*", made.text)
+    assert all(re.fullmatch(r"F\d+(\.\d+)?", feed) for feed in feeds)
+    assert float(feeds[0][1:]) == pytest.approx(1000 / 0.0005, rel=1e-5)
+
+
+@pytest.mark.parametrize("move", ["G1 X40 Y10 A30 C45 F500", "G3 X40 Y0 I20 J0 F500"])
+def test_a_tolerance_below_what_is_written_is_refused(move: str) -> None:
+    """Positions of four decimals are up to half of the last one off; no part is short enough."""
+    text = f"G21 G90 G17\nG0 X0 Y0 Z0 A0 C0\n{move}\nM2\n"
+    said = r"line 3, column \d+: got a tolerance of 0\.01 µm .* written to 0\.0001 mm"
+    with pytest.raises(tn.ProgramError, match=said):
+        correct_program(SETUP, ESTIMATE, text, tolerance_um=0.01)
+    made = correct_program(SETUP, ESTIMATE, text, tolerance_um=0.5)
+    assert made.left_um < 0.6

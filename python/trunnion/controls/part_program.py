@@ -136,7 +136,8 @@ def correct_program(
     ------
     ProgramError
         With line and column: what cannot be followed or corrected (tool radius compensation,
-        probing, feed per revolution, a first position that is not known).
+        probing, feed per revolution, a first position that is not known), also within the
+        tolerance: positions are written to 0.0001 mm or degrees.
     InputError
         Errors that are not plausible; an effect that says nothing of a motion.
     DataError
@@ -279,7 +280,7 @@ class _Writer:
         if mode == 93:
             minutes = self.minutes[i] * (piece.end - piece.begin)
             value = 1.0 / max(minutes, 1e-9)
-        feed = f"F{value:.6g}" if mode == 93 else f"F{value:.4f}".rstrip("0").rstrip(".")
+        feed = f"F{_decimal(value)}" if mode == 93 else f"F{value:.4f}".rstrip("0").rstrip(".")
         if mode == 93 or mode != self.mode or feed != self.feed:
             words.append(feed)
         self.mode, self.feed = mode, feed
@@ -304,6 +305,11 @@ def _words_kept(line: str, *, moving: bool) -> tuple[list[str], list[str]]:
     if plain.strip() == "%":
         return [line], []
     return ([text] if text or not line.strip() else []), after and [" ".join(after)]
+
+
+def _decimal(value: float) -> str:
+    """Six digits; controls read no exponents."""
+    return np.format_float_positional(value, precision=6, fractional=False, trim="-")
 
 
 def _spelled(words: Sequence[str], piece: Piece, axes: Sequence[int]) -> str:

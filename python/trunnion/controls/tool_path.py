@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import trunnion._core as _core
+from trunnion.base.errors import ProgramError
 from trunnion.base.units import Floats
 from trunnion.compensation.control import ModelCompensation, nominal_commands
 from trunnion.compensation.machine import MachineErrors
@@ -17,6 +18,8 @@ from trunnion.setup import Setup
 
 INNER = np.linspace(0.0, 1.0, 18)[1:]
 """Where along a move its error is looked at."""
+DIGITS = 4
+"""Decimals that positions are written with."""
 SHORTEST = 1e-4
 """Smallest part of a move that is written on its own."""
 MAX_TRIALS, NEAR = 20, 0.93
@@ -213,21 +216,34 @@ def _farthest(
     arc: bool,
 ) -> Piece:
     """Return the longest piece within the tolerance, to a few percent; `length`: a first guess."""
-    low, high, best = 0.0, 2.0, None
+    low, high, best, least = 0.0, 2.0, None, np.inf
     for _ in range(MAX_TRIALS):
         end = min(begin + length, 1.0)
         trial, error = _piece(tool, moves, i, begin, end, arc=arc)
-        if error <= tolerance_mm or length <= SHORTEST:
+        least = min(least, error)
+        if error <= tolerance_mm:
             best, low = trial, length
-            if end >= 1.0 or error > NEAR * tolerance_mm or length <= SHORTEST:
+            if end >= 1.0 or error > NEAR * tolerance_mm:
                 return trial
         else:
             high = length
+        if length <= SHORTEST:
+            break
         # Errors grow with the square of the length, if the path bends evenly.
         wanted = length * float(np.sqrt(0.98 * tolerance_mm / max(error, 1e-3 * tolerance_mm)))
         length = wanted if low < wanted < high else 0.5 * (low + high)
         length = max(length, SHORTEST)
-    return best or trial
+    if best is None and arc:  # its centre is written in steps, too
+        return _farthest(tool, moves, i, begin, length, tolerance_mm, arc=False)
+    if best is None:
+        what = "rapid" if moves.code[i] == 0 else "move"
+        raise ProgramError(
+            f"line {moves.line[i]}, column {moves.column[i]}: got a tolerance of "
+            f"{1e3 * tolerance_mm:.3g} µm on a {what} of which a part cannot keep it, expected a "
+            f"larger one: however short, it is {1e3 * least:.3g} µm off, as positions are written "
+            f"to {10.0**-DIGITS:g} mm or degrees"
+        )
+    return best
 
 
 def _piece(
@@ -236,7 +252,7 @@ def _piece(
     """A move over a part of another, and how far it is off at most, mm."""
     way = np.concatenate([[0.0], INNER])
     meant = along(moves, i, begin + (end - begin) * way)
-    ends = np.round(tool.sent(meant[[0, -1]]), 4)
+    ends = np.round(tool.sent(meant[[0, -1]]), DIGITS)
     code = int(moves.code[i]) if arc else min(int(moves.code[i]), 1)
     piece = Piece(code, begin, end, ends[1])
     line = replace(
