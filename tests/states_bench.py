@@ -5,13 +5,14 @@ from __future__ import annotations
 import re
 import tempfile
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import trunnion as tn
-from controller import run
+from controller import once_more, run
 from power.report import count_and_out, write
 from probing_bench import Hidden, hidden
 
@@ -119,11 +120,12 @@ def main(count: int, out: Path | None) -> None:
     found: list[dict[str, dict[str, Any]]] = []
     with tempfile.TemporaryDirectory() as name:
         Path(name).chmod(0o755)
+        folder = Path(name) / "run"
         seed = 20_000
         while len(found) < count:
             seed += 1
             try:
-                found.append(refusals(seed, Path(name) / "run"))
+                found.append(once_more(partial(refusals, seed, folder)))
             except tn.DataError as error:  # nothing can be reached
                 print(seed, error, flush=True)
                 continue

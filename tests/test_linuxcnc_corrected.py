@@ -44,7 +44,6 @@ def errors_left_um(folder: Path, code: str, bench: Bench, offset: Floats) -> Flo
             steps.append({"mdi": f"G0 X{x:.6f} Y{y:.6f} Z{z:.6f} A{a} C{c}"})
             wanted.append(point)
     found = run(bench, steps, folder)
-    assert "error" not in found[-1], found[-1]
     left = []
     for step, point in zip(found[3:], wanted, strict=True):
         assert not step["messages"], step["messages"]

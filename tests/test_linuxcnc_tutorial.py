@@ -74,7 +74,6 @@ class Machine:
             {"program": program},
         ]
         report = run(bench, steps, inside, SECONDS)[-1]
-        assert "error" not in report, report
         assert report["strikes"] == report["stem-strikes"] == 0, report
         (self.folder / log).write_text((inside / log).read_text())
 

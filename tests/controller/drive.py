@@ -25,7 +25,7 @@ def main() -> None:
         bench.switch_on()
         steps = [bench.step(step) for step in job["steps"]]
     except TimeoutError as error:
-        steps = [{"error": f"{error}: {bench.messages()}"}]
+        steps = [{"late": f"{error}: {bench.messages()}"}]
     (HERE / "report.json").write_text(json.dumps(steps))
 
 
