@@ -68,6 +68,10 @@ class Bench:
         self.wait("homing", lambda: sum(self.stat.homed[: self.stat.joints]) == self.stat.joints)
         hal.set_p("probebench.watch", "1")
 
+    def begun(self, what: str) -> None:
+        """Wait until the command has arrived: on a busy computer LinuxCNC is idle until then."""
+        self.wait(what, lambda: self.stat.echo_serial_number >= self.command.serial)
+
     def idle(self) -> bool:
         s = self.stat
         return bool(
@@ -97,7 +101,7 @@ class Bench:
             self.command.mode(linuxcnc.MODE_MDI)
             self.command.wait_complete()
             self.command.mdi(step["mdi"])
-            time.sleep(0.01)
+            self.begun(step["mdi"])
             self.wait(step["mdi"], self.idle)
         else:
             self.command.mode(linuxcnc.MODE_AUTO)
@@ -106,7 +110,7 @@ class Bench:
             self.command.wait_complete()
             said += self.messages()
             self.command.auto(linuxcnc.AUTO_RUN, 0)
-            time.sleep(0.05)
+            self.begun(step["program"])
 
             def ready() -> bool:
                 nonlocal said
