@@ -58,6 +58,29 @@ def test_importing_does_not_import_pyplot_or_statistics(use: str) -> None:
     assert run.stdout.strip() == "[]"
 
 
+MEASURED = (
+    "setup = tn.read_setup(tn.sample_path('hidden/setup.toml')); "
+    "touches = tn.read_touches(tn.sample_path('hidden/touches.csv')); "
+)
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        "tn.simulate(tn.plan(setup), setup)",
+        "tn.identify(touches, setup)",
+        "tn.diagnose(touches, setup).to_json()",
+        "tn.volumetric_error(setup, {'EX0C': 1.0})",
+    ],
+)
+def test_the_main_job_does_not_import_optimisers(use: str) -> None:
+    """They take 0.1 s of CPU to load, several times a diagnosis."""
+    heavy = "{'scipy.optimize', 'scipy.interpolate', 'scipy.sparse'}"
+    code = f"import sys, trunnion as tn; {MEASURED}{use}; print(sorted({heavy} & set(sys.modules)))"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "[]"
+
+
 def test_help_does_not_import_numbers() -> None:
     """``trunnion --help`` takes at most 0.3 s of CPU; numpy alone takes a third of that."""
     code = "import sys, trunnion.cli; print(sorted({'numpy', 'rich', 'scipy'} & set(sys.modules)))"

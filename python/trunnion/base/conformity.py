@@ -17,7 +17,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
-from scipy.optimize import brentq
 from scipy.special import ndtr, ndtri
 
 from trunnion.base.checks import choose, numbers
@@ -53,6 +52,8 @@ def guard_factor(probability: float, width: float = float("inf")) -> float:
     # What the far limit takes may be less than rounding.
     if lacking(one_limit) >= 0:
         return one_limit
+    from scipy.optimize import brentq  # takes 0.1 s to load
+
     return float(brentq(lacking, one_limit, width / 2))
 
 

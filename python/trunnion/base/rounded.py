@@ -28,7 +28,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import linprog
 from scipy.special import erfcx, log_ndtr
 
 from trunnion.base.read_alike import drawn_covariance
@@ -176,6 +175,8 @@ def rounds_to_all(residuals: Floats, jacobian: Floats, step: Floats) -> bool:
     seen = size > 0
     columns = jacobian[:, seen] / size[seen] / step[:, None]
     ones, count = np.ones((len(off), 1)), columns.shape[1]
+    from scipy.optimize import linprog  # takes 0.1 s to load
+
     found = linprog(
         np.append(np.zeros(count), 1.0),
         A_ub=np.block([[columns, -ones], [-columns, -ones]]),

@@ -6,7 +6,6 @@ sum of c_k² v_k. The v are fitted to squared residuals, each weighed by the var
 
 import numpy as np
 from scipy import special
-from scipy.optimize import nnls
 
 from trunnion.base.units import Floats
 
@@ -68,11 +67,21 @@ def _fitted(shares: Floats, square: Floats, free: Floats, least: float) -> Float
     found = np.full(shares.shape[1], float(free @ square) / float(free.sum()))
     for _ in range(ROUNDS):
         weight = np.sqrt(free) / (shares @ np.maximum(found, TINY))
-        before, found = found, nnls(shares * weight[:, None], square * weight)[0]
+        before, found = found, _not_negative(shares * weight[:, None], square * weight)
         found = np.maximum(found, max(least, found.max() / MAX_RATIO**2, TINY))
         if np.all(np.abs(found - before) <= SETTLED * found):
             break
     return np.asarray(found)
+
+
+def _not_negative(columns: Floats, values: Floats) -> Floats:
+    """Least squares (k,) of columns (n, k), none of them negative."""
+    found, _, rank, _ = np.linalg.lstsq(columns, values, rcond=None)
+    if rank == len(found) and np.all(found >= 0):
+        return np.asarray(found)
+    from scipy.optimize import nnls  # takes 0.1 s to load
+
+    return np.asarray(nnls(columns, values)[0])
 
 
 def _chance(shares: Floats, square: Floats, free: Floats, least: float) -> float:

@@ -8,8 +8,6 @@ how much smoothing, predicts a place best from all the others. That prediction h
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import RBFInterpolator
-from scipy.spatial.distance import cdist
 
 from trunnion.base.units import Floats
 
@@ -21,6 +19,8 @@ SMOOTHINGS = 81
 
 def _spline(places: Floats, values: Floats, smoothing: float, at: Floats) -> Floats:
     """Spline of the least bending: r² ln r in the plane, r³ on a line and in space."""
+    from scipy.interpolate import RBFInterpolator  # takes 0.1 s to load
+
     plane = places.shape[1] == 2
     spline = RBFInterpolator(
         places,
@@ -33,6 +33,8 @@ def _spline(places: Floats, values: Floats, smoothing: float, at: Floats) -> Flo
 
 
 def _bending(places: Floats) -> Floats:
+    from scipy.spatial.distance import cdist
+
     r = cdist(places, places)
     if places.shape[1] == 2:
         return np.asarray(r * r * np.log(np.where(r > 0, r, 1.0)))

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import RegularGridInterpolator
 
 from trunnion.base import report
 from trunnion.base.arguments import checked
@@ -126,6 +125,8 @@ class ErrorMap(report.Result):
         table = table.reshape([n for n in table.shape[:-1] if n > 1] + [3])
         if not grid:
             return np.broadcast_to(table, (len(linear), 3)).copy()
+        from scipy.interpolate import RegularGridInterpolator  # takes 0.1 s to load
+
         found: Floats = RegularGridInterpolator(tuple(grid), table)(queries[:, used])
         return found
 

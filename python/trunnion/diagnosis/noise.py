@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from scipy.optimize import minimize
 from scipy.special import chdtri
 
 from trunnion.base.resolution import SEED
@@ -297,6 +296,8 @@ def fit_noise(y: Array, q: Array, segments: Sequence[IntArray]) -> Autoregressio
 
     partial = np.clip(partial_autocorrelations(start), -0.999, 0.999)
     if order:
+        from scipy.optimize import minimize  # takes 0.1 s to load
+
         z = np.asarray(minimize(cost, np.arctanh(partial), method="BFGS").x)
         partial = np.tanh(z + MEMORY_SIGMAS * _longer(cost, z))
     predictors = levinson(partial)

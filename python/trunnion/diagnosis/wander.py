@@ -15,7 +15,6 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize
 
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.autoregression import Autoregression, of_covariances
@@ -59,6 +58,8 @@ def fit_wander(
     first = start or min(product(np.log(SHARES), np.log(LENGTHS)), key=cost)
     simplex = first + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 0.5]])
     options: Any = {"maxfev": STEPS, "xatol": 0.1, "fatol": 0.1, "initial_simplex": simplex}
+    from scipy.optimize import minimize  # takes 0.1 s to load
+
     share, length = minimize(cost, first, method="Nelder-Mead", options=options).x
     noise = _wandering(share, length)
     size = float(_triangle(noise, both, segments)[-1]) / count**0.5
