@@ -167,13 +167,12 @@ class Case:
         some = np.ones_like(linear) if held else linear
         cov = f.covariance[np.ix_(at, at)][np.ix_(some, some)]
         size = np.sqrt(np.maximum(np.diag(cov), TINY))
-        if len(cov) == len(b) == 1:
-            share = float(cov[0, 0]) / float(size[0]) ** 2
-            return (float(b[0] / size[0]) ** 2 / share if share > 0.0 else 0.0), 1
-        inverse = np.linalg.pinv(cov / np.outer(size, size), rcond=SINGULAR, hermitian=True)
-        inverse, size = inverse[np.ix_(linear[some], linear[some])], size[linear[some]]
-        wald = float(b / size @ inverse @ (b / size))
-        return wald, max(int(np.linalg.matrix_rank(inverse, hermitian=True)), 1)
+        seen, ways = np.linalg.eigh(cov / np.outer(size, size))
+        known = seen > SINGULAR * seen[-1]
+        ways = ways[:, known][linear[some]]
+        wald = float(np.sum((b / size[linear[some]] @ ways) ** 2 / seen[known]))
+        rank = len(seen[known]) if linear.all() else int(np.linalg.matrix_rank(ways))
+        return wald, max(rank, 1)
 
     def term_inflation(self, f: Fit) -> Floats:
         """How many times more each term of unexplained structure gains than by noise (t,)."""

@@ -13,7 +13,6 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from trunnion.base.errors import DataError, KinematicsError
 from trunnion.base.statistics import (
@@ -288,7 +287,9 @@ class _Problem:
             columns = self.used(self.at_start)
             judged = linear_fit(columns, np.zeros(len(columns)), tolerance=model.rank_tolerance)
         self.judged = judged
-        self.directions = block_diag(self.judged.directions, np.eye(len(self.index)))
+        rank, p = self.judged.directions.shape
+        self.directions = np.eye(rank + len(self.index), p + len(self.index), p - rank)
+        self.directions[:rank, :p] = self.judged.directions
         self.every = np.array_equal(self.directions, np.eye(len(self.directions)))
 
     def used(self, a: Array) -> Array:
@@ -324,7 +325,9 @@ class _Problem:
 
     def combinations(self, solved: LinearFit) -> Array:
         """Combinations that are not identifiable at the start, and those of ``solved``."""
-        first = np.pad(self.judged.combinations, ((0, 0), (0, len(self.index))))
+        own = self.judged.combinations
+        first = np.zeros((len(own), self.directions.shape[1]))
+        first[:, : own.shape[1]] = own
         return np.concatenate([first, solved.combinations @ self.directions])
 
     def beyond(self, at: _Point, step: Array) -> Flags:
