@@ -34,7 +34,6 @@ Floats: TypeAlias = Any
 Named: TypeAlias = frozenset[str]
 SIZE = 3.0
 NOISE_UM, NOISE_UM_M = 0.7, 1.0
-MEAN_MM, HALF_MM = 250.0, 250.0
 TARGETS, CYCLES, SECONDS = 11, 5, 15.0
 PLACES, STEP_MM = 24, 100.0
 LENGTH_MM = PLACES * STEP_MM

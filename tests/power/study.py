@@ -146,14 +146,6 @@ class Tally:
     def milliseconds(self) -> float:
         return float(np.median([o.seconds for o in self.outcomes])) * 1e3
 
-    def error_spread(self) -> dict[str, float]:
-        """Rms of the error of each location error, after the diagnosis."""
-        miss: dict[str, list[float]] = {}
-        for o in self.outcomes:
-            for name, value in o.diagnosis.errors_after.items():
-                miss.setdefault(name, []).append(value - o.measurement.truth.errors.get(name, 0.0))
-        return {k: float(np.sqrt(np.mean(np.square(v)))) for k, v in miss.items()}
-
 
 @lru_cache(maxsize=4)
 def ground(plan_name: str) -> tuple[Plan, Setup, Sizing, tn.Setup]:
