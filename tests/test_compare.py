@@ -73,11 +73,12 @@ def test_a_collision_of_a_machine_with_rotary_axes() -> None:
     assert other.changes["EX0C"] == pytest.approx((change, np.hypot(std, 10 * 2**0.5)))
 
 
-@pytest.mark.parametrize("kind", [k.name for k in kinds() if k.name != "axislog"])
+@pytest.mark.parametrize("kind", [k.name for k in kinds()])
 def test_every_kind_is_compared(kind: str) -> None:
     """A measurement against itself: nothing changed, and every cause takes part."""
     found = diagnosis_of(kind)
     same = tn.compare(found, found)
+    assert same.mistakes[0].startswith("after has the same readings as before in every row: ")
     assert not same.changed
     assert all(q.change == pytest.approx(0.0, abs=1e-6) for q in same.quantities)
     compared = {q.name.partition(".")[0].partition(" ")[0] for q in same.quantities}
@@ -111,6 +112,34 @@ def test_dates_of_any_kind() -> None:
         assert tn.compare(*three, dates=dates).days == (0.0, 10.0, 59.0)
 
 
+def test_rows_that_were_pasted_twice_count_once() -> None:
+    """Of data, and of diagnoses of them, with an outlier: the same changes, and it is said."""
+    one, other = stops(1, 2.0), stops(2, 6.0)
+    far = one["measured_mm"].copy()
+    far[5] += 0.05
+    one = one.with_columns(measured_mm=far)
+    twice = [d[np.tile(np.arange(len(d)), 2)] for d in (one, other)]
+    assert tn.diagnose(one).outliers == (5,)
+    plain = tn.compare(one, other)
+    for found in (tn.compare(*twice), tn.compare(*map(tn.diagnose, twice))):
+        for name, (change, std) in plain.changes.items():
+            assert found.changes[name] == pytest.approx((change, std), rel=1e-6), name
+        said = [note for note in found.notes if "rows repeat others in every column" in note]
+        assert [note.partition(":")[0] for note in said] == ["before", "after"]
+
+
+def test_estimates_that_are_given_twice_and_names_given_twice_are_said() -> None:
+    setup = tn.Setup(artefact=tn.Artefact("cross"))
+    plan = tn.plan(setup, c_deg=(0, 90, 180, 270), a_deg=(90, -90))
+    fits = [
+        tn.identify(tn.simulate(plan, setup, {}, noise_um=0.3, seed=s), setup) for s in (1, 2, 1)
+    ]
+    found = tn.compare(*fits, dates=["2026-01-01", "2026-01-01", "2026-03-01"])
+    assert found.names == ("2026-01-01 (1)", "2026-01-01 (2)", "2026-03-01")
+    (said,) = found.mistakes
+    assert said.startswith("2026-03-01 has the same values and standard errors as 2026-01-01 (1) ")
+
+
 def test_what_cannot_be_compared_is_refused() -> None:
     one, two = stops(1, 2.0), stops(2, 2.0)
     level = tn.read_levels(tn.sample_path("levels/bed.csv"))
@@ -118,6 +147,8 @@ def test_what_cannot_be_compared_is_refused() -> None:
         tn.compare(one, level)
     with pytest.raises(tn.InputError, match="out of order"):
         tn.compare(one, two, dates=["2026-02-01", "2026-01-01"])
+    with pytest.raises(tn.InputError, match="got 2026-02-01 for each of 2 measurements"):
+        tn.compare(one, two, dates=["2026-02-01", "2026-02-01"])
     with pytest.raises(tn.InputError, match="one a measurement, 2"):
         tn.compare(one, two, dates=[1.0])
     with pytest.raises(tn.InputError, match="got 'later'"):

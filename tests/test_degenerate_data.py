@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -103,6 +104,30 @@ def test_every_row_of_a_pass_given_five_times_counts_once() -> None:
         assert (d.verdict, d.named, d.alternatives) == (once.verdict, once.named, once.alternatives)
         for cause, same in zip(d.causes, once.causes, strict=True):
             assert cause.std_errors == pytest.approx(same.std_errors, rel=1e-6)
+
+
+def test_what_a_diagnosis_of_rows_pasted_twice_leads_to_is_that_of_once(tmp_path: Path) -> None:
+    """Further touches, what they would tell, the gain elsewhere, the page and the file of it."""
+    setup = tn.read_setup(tn.sample_path("hidden/setup.toml"))
+    touches = tn.read_touches(tn.sample_path("hidden/touches.csv"))
+    once, twice = (tn.diagnose(touches[np.tile(np.arange(len(touches)), n)], setup) for n in (1, 2))
+    assert twice.outliers == once.outliers
+    found, same = (tn.expected_discrimination(d, 4) for d in (twice, once))
+    np.testing.assert_array_equal(found.plan.position_mm, same.plan.position_mm)
+    assert found.std_after == pytest.approx(same.std_after, rel=1e-9)
+    between = tn.diagnose(touches[np.repeat(np.arange(len(touches)), 2)], setup)
+    assert between.outliers == tuple(2 * row for row in once.outliers)
+    assert between.residuals is not None
+    assert once.residuals is not None
+    np.testing.assert_array_equal(between.residuals.rows, 2 * once.residuals.rows)
+    page = tmp_path / "twice.html"
+    twice.to_html(page)
+    assert "504 rows repeat others" in page.read_text(encoding="utf-8")
+    read = tn.Diagnosis.from_dict(twice.to_dict())
+    assert read.model.errors == pytest.approx(once.model.errors, rel=1e-9)
+    other = touches[np.arange(0, len(touches), 2)]
+    many = other[np.concatenate([np.arange(len(other)), np.repeat([0, 1, 2], 20)])]
+    assert once.score(many) == once.score(other)
 
 
 def test_noise_in_the_diameters_of_a_pass_given_five_times_is_no_cause() -> None:

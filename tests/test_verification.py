@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 import trunnion as tn
-from promise import kept
+from promise import kept, needed_runs
 from reference_trt_ca import TABLE_2, Floats, table_pose
 from trunnion.cli import app
 from trunnion.compensation import BallVerification
@@ -112,6 +112,45 @@ def test_the_command_prints_it_and_refuses_what_is_no_pair(tmp_path: Path) -> No
         tn.verify_ball(half, tn.Setup(tn.Artefact("cross")))
     with pytest.raises(tn.DataError, match="at 1 postures, expected two"):
         tn.verify_ball(half[:5], SETUP)
+
+
+def test_touches_that_were_pasted_twice_count_once() -> None:
+    before = shown_by_control(TABLE_2, {}, sigma_mm=3e-4, seed=1)
+    after = shown_by_control(TABLE_2, TABLE_2, sigma_mm=3e-4, seed=2)
+    twice = [touches[np.tile(np.arange(len(touches)), 2)] for touches in (before, after)]
+    once, again = tn.verify_ball(after, SETUP), tn.verify_ball(twice[1], SETUP, before=twice[0])
+    assert again.touches_um == pytest.approx(once.touches_um, rel=1e-9)
+    assert again.sigma_um == pytest.approx(once.sigma_um, rel=1e-9)
+    assert again.max_after_um == pytest.approx(once.max_after_um, rel=1e-9)
+    of = [note.partition(": 43 of 86 rows repeat others")[0] for note in again.notes]
+    assert of == ["before", "after"]
+
+
+def test_one_file_given_twice_is_refused_and_files_swapped_are_asked_about(tmp_path: Path) -> None:
+    shown_by_control(TABLE_2, {}, sigma_mm=3e-4, seed=1).save(tmp_path / "b.csv")
+    shown_by_control(TABLE_2, TABLE_2, sigma_mm=3e-4, seed=2).save(tmp_path / "a.csv")
+    before, after = (tn.read_touches(tmp_path / name) for name in ("b.csv", "a.csv"))
+    with pytest.raises(tn.DataError, match=r"^before \(.*a.csv\): got the same readings in every "):
+        tn.verify_ball(after, SETUP, before=after[np.arange(len(after))[::-1]])
+    (said,) = tn.verify_ball(before, SETUP, before=after).mistakes
+    assert said.startswith("More is left than there was before the corrections: were the two files")
+    assert ", 0.01" in tn.verify_ball(before, SETUP, before=after).summary()
+    assert not tn.verify_ball(after, SETUP, before=before).mistakes
+    other = before[np.arange(5, len(before))]
+    said = r"^before \(.*b.csv\): got 8 postures, .* the 9 of after \(.*a.csv\), "
+    with pytest.raises(tn.DataError, match=f"{said}.*: A -40 C 120 is in after alone$"):
+        tn.verify_ball(after, SETUP, before=other)
+
+
+def test_more_left_than_before_is_rarely_said_of_equal_measurements() -> None:
+    """Where corrections change nothing, noise alone leaves more after in half of all cases."""
+    calm, runs = [], needed_runs(0.95)
+    for seed in range(runs):
+        one, other = (
+            shown_by_control(TABLE_2, TABLE_2, sigma_mm=3e-4, seed=2 * seed + i) for i in (0, 1)
+        )
+        calm.append(not tn.verify_ball(one, SETUP, before=other, draws=300).mistakes)
+    assert kept(sum(calm), runs, 0.95)
 
 
 def framed(touches: tn.Touches, **columns: float) -> tn.Touches:

@@ -12,10 +12,11 @@ from trunnion.base.arguments import checked, name_place
 from trunnion.base.checks import whole
 from trunnion.base.errors import DataError, InputError, TrunnionError
 from trunnion.base.report import Cell, Result, Table
-from trunnion.base.units import ARCSEC, Floats, Integers
+from trunnion.base.units import ARCSEC, Floats
 from trunnion.compensation.control import ModelCompensation
 from trunnion.compensation.machine import NOMINAL, MachineErrors
 from trunnion.compensation.uncertainty import draw_changes, freedom_of, taking_part
+from trunnion.data.distinct import distinct_rows, given_again
 from trunnion.data.frame import COLUMNS, listed
 from trunnion.data.mistaken import of_each
 from trunnion.data.touches import Touches
@@ -30,6 +31,8 @@ LEVEL = 0.95
 ROUNDS = 20
 SETTLED_MM = 1e-10
 MAX_DRAWS = 100_000
+SHOWN_UM = 0.005
+"""Sizes below it are shown as 0.00."""
 FAR_BEYOND = 3.0
 """Times as much as is expected, from which what is left is asked for a shift of an axis."""
 MOVED = "{name} was {before} and is {after}"
@@ -95,8 +98,8 @@ class BallVerification(Result):
         ]
         if before is not None and self.before_um is not None:
             lines.append(
-                f"Before the corrections: {before:.2f} µm (rms {_rms(self.before_um):.2f} µm), "
-                f"{before / max(after, 1e-9):.0f} times as much."
+                f"Before the corrections: {before:.2f} µm (rms {_rms(self.before_um):.2f} µm)"
+                f"{_times(before, after)}."
             )
         low, high = self.touches_um
         lines.append(f"The touches alone leave {low:.2f} to {high:.2f} µm (95 %).")
@@ -176,9 +179,9 @@ def verify_ball(
         An artefact that is no sphere; an estimate without covariance.
     DataError
         Touches off the modelled ball, with the likely cause; one posture only; a posture whose
-        touches do not give the centre; `before` at other postures than `after`, or
-        with another shift of a rotary axis by the work offset; an estimate of what corrections
-        leave.
+        touches do not give the centre; `before` at other postures than `after`, with the same
+        readings, or with another shift of a rotary axis by the work offset; an estimate of what
+        corrections leave.
 
     Examples
     --------
@@ -195,57 +198,70 @@ def verify_ball(
         raise InputError(f"artefact: got a {setup.artefact.kind}, expected a sphere on the table")
     whole("draws", draws, 100, MAX_DRAWS)
     whole("seed", seed, 0)
-    mistakes = _mistakes(before, after, setup)
-    stops = stops_of(after)
-    first = np.unique(stops, return_index=True)[1]
-    found = _places(after, stops, setup, "after")
-    earlier = None
+    given = {"after": after} if before is None else {"before": before, "after": after}
+    mistakes = _mistakes(given, setup)
     if before is not None:
-        _check_frames(before, after)
-        there = stops_of(before)
-        theirs = _postures(before, np.unique(there, return_index=True)[1])
-        if not np.array_equal(theirs, _postures(after, first)):
-            raise DataError(
-                f"before: got {len(theirs)} postures, expected the {len(first)} of after: both are "
-                "logs of one plan"
-            )
-        earlier = _deviations(_places(before, there, setup, "before").centres)
+        _check_pair(before, after)
+    places = {name: _places(touches, setup, name) for name, touches in given.items()}
+    found, earlier = places["after"], places.get("before")
     random = np.random.default_rng(seed)
     noise = _noise(found, random, draws)
-    forecast = None
-    mean, rotary = found.centres.mean(axis=0), _postures(after, first)
+    left, forecast = found.deviations_um, None
+    mean, rotary = found.centres.mean(axis=0), found.postures
     if estimate is not None:
         moved = _left(setup, estimate, mean, rotary, random, draws)
         forecast = _interval(noise + moved)
-    left = _deviations(found.centres)
     if not mistakes:
         most = _interval(noise)[1] if forecast is None else forecast[1]
         mistakes = tuple(_shifts(setup, left, mean, rotary, most))
+    if earlier is not None:
+        mistakes += tuple(_worse(earlier, left, noise - _noise(earlier, random, draws)))
     return BallVerification(
-        rotary_deg={k.upper(): v[first] for k, v in after.rotary_deg.items()},
+        rotary_deg=found.rotary_deg,
         after_um=left,
-        before_um=earlier,
+        before_um=None if earlier is None else earlier.deviations_um,
         sigma_um=found.sigma_um,
         touches_um=_interval(noise),
         forecast_um=forecast,
         mistakes=mistakes,
-        notes=tuple(_of_frames(before, after)),
+        notes=(
+            *(f"{name}: {said}" for name, place in places.items() for said in place.notes),
+            *_of_frames(before, after),
+        ),
     )
 
 
 @dataclass(frozen=True)
 class _Places:
-    """Centres at postures, mm (n, 3); their covariance, µm² (3 n, 3 n), and what it rests on."""
+    """Centres at postures, mm (n, 3); their covariance, µm² (3 n, 3 n), and what it rests on.
 
+    rotary_deg: Letter → position at each posture, (n,). notes: Rows that were left out.
+    """
+
+    rotary_deg: dict[str, Floats]
     centres: Floats
     covariance: Floats
     sigma_um: float
     freedom: float
+    notes: tuple[str, ...]
+
+    @property
+    def postures(self) -> Floats:
+        """Positions of the rotary axes, (n, k)."""
+        return np.column_stack([np.round(v, 3) for v in self.rotary_deg.values()])
+
+    @property
+    def deviations_um(self) -> Floats:
+        """Centres less their mean, (n, 3)."""
+        return np.asarray(1e3 * (self.centres - self.centres.mean(axis=0)))
 
 
-def _places(touches: Touches, stops: Integers, setup: Setup, what: str) -> _Places:
+def _places(given: Touches, setup: Setup, what: str) -> _Places:
     """Centres in the table's frame and one radius by least squares."""
+    touches, _, _, repeated = distinct_rows(given)
+    stops = stops_of(touches)
     count = int(stops.max()) + 1
+    first = np.unique(stops, return_index=True)[1]
     seen = on_table(touches, setup)
     assert setup.artefact.diameter_mm is not None
     radius = setup.artefact.diameter_mm / 2 + setup.probe.ball_radius_mm
@@ -279,7 +295,8 @@ def _places(touches: Touches, stops: Integers, setup: Setup, what: str) -> _Plac
             f"{what}: got as many touches as unknowns, expected more, or a repeatability"
         )
     covariance = np.asarray(sigma**2 * np.linalg.inv(jacobian.T @ jacobian)[:-1, :-1], np.float64)
-    return _Places(centres, covariance, sigma, freedom)
+    rotary = {k.upper(): v[first] for k, v in touches.rotary_deg.items()}
+    return _Places(rotary, centres, covariance, sigma, freedom, repeated)
 
 
 def _noise(found: _Places, random: np.random.Generator, draws: int) -> Floats:
@@ -315,17 +332,26 @@ def _left(
     return np.concatenate([np.einsum("dp,kpi->dki", block, by) for block in blocks])
 
 
-def _mistakes(before: Touches | None, after: Touches, setup: Setup) -> tuple[str, ...]:
+def _mistakes(given: Mapping[str, Touches], setup: Setup) -> tuple[str, ...]:
     """Name what is likely wrong with each measurement, and refuse touches that are of no ball."""
     said = {}
-    for name, touches in (("before", before), ("after", after)):
-        if touches is not None:
-            try:
-                said[name] = mistakes_of(touches, setup)
-            except TrunnionError as error:
-                name_place(error, [touches])
-                raise
+    for name, touches in given.items():
+        try:
+            said[name] = mistakes_of(touches, setup)
+        except TrunnionError as error:
+            name_place(error, [touches])
+            raise
     return of_each(said)
+
+
+def _worse(before: _Places, left: Floats, noise: Floats) -> Iterator[str]:
+    """Say that more is left than was before, where touches alone (draws of both) do not make it."""
+    least = max(_interval(noise)[1], SHOWN_UM)
+    if _largest(left) - _largest(before.deviations_um) > least:
+        yield (
+            "More is left than there was before the corrections: were the two files swapped, are "
+            "signs of the corrections turned, or are they those of another machine?"
+        )
 
 
 def _shifts(
@@ -359,8 +385,17 @@ def _shifts(
             )
 
 
-def _check_frames(before: Touches, after: Touches) -> None:
-    """Refuse touches without corrections after those with them, and rotary axes shifted between."""
+def _check_pair(before: Touches, after: Touches) -> None:
+    """Refuse touches that are no pair: given twice, of other postures, of frames that do not fit.
+
+    Of frames: without corrections after those with them, and rotary axes shifted between.
+    """
+    _check_postures(before, after)
+    if given_again([before, after]):
+        raise DataError(
+            f"{_named('before', before)}: got the same readings in every row as "
+            f"{_named('after', after)}, expected two measurements: was one file given twice?"
+        )
     one, other = before.control_frame, after.control_frame
     if one is None or other is None:
         return
@@ -400,12 +435,40 @@ def _of_frames(before: Touches | None, after: Touches) -> Iterator[str]:
         )
 
 
-def _postures(touches: Touches, rows: Integers) -> Floats:
-    return np.column_stack([np.round(v[rows], 3) for v in touches.rotary_deg.values()])
+def _check_postures(before: Touches, after: Touches) -> None:
+    """Refuse touches of which one has postures of the rotary axes that the other has not."""
+    mine, theirs = ({*map(tuple, _rotary(one).tolist())} for one in (before, after))
+    alone = {"before": sorted(mine - theirs), "after": sorted(theirs - mine)}
+    letters = [letter.upper() for letter in after.rotary_deg]
+    said = [
+        " ".join(f"{letter} {at:.6g}" for letter, at in zip(letters, some[0], strict=True))
+        + f"{f' and {len(some) - 1} more are' if len(some) > 1 else ' is'} in {name} alone"
+        for name, some in alone.items()
+        if some
+    ]
+    if said:
+        raise DataError(
+            f"{_named('before', before)}: got {len(mine)} postures, expected the {len(theirs)} of "
+            f"{_named('after', after)}, as both are logs of one plan: {'; '.join(said)}"
+        )
 
 
-def _deviations(centres: Floats) -> Floats:
-    return np.asarray(1e3 * (centres - centres.mean(axis=0)))
+def _rotary(touches: Touches) -> Floats:
+    return np.column_stack([np.round(v, 3) for v in touches.rotary_deg.values()])
+
+
+def _times(before: float, after: float) -> str:
+    """How many times what is left was there before; empty where as good as nothing is left."""
+    if after < SHOWN_UM:
+        return ""
+    times = before / after
+    return f", {f'{times:.0f}' if times >= 10 else f'{times:.2g}'} times as much"
+
+
+def _named(what: str, touches: Touches) -> str:
+    """Return what a measurement is called, with its files."""
+    files = touches.origin.names if touches.origin else ()
+    return f"{what} ({' and '.join(files)})" if files else what
 
 
 def _interval(drawn: Floats) -> tuple[float, float]:

@@ -70,6 +70,11 @@ class Distinct(NamedTuple):
     stands_for: Integers | None = None
     notes: tuple[str, ...] = ()
 
+    def numbers(self, given: Sequence[int]) -> Integers:
+        """Return the numbers in `data` of rows that are counted in the given data."""
+        rows = np.asarray(given, dtype=np.intp)
+        return rows if self.stands_for is None else self.stands_for[rows]
+
 
 def distinct_rows(data: Any) -> Distinct:
     """Return the data without rows that are no readings of their own, which rows, and notes.

@@ -23,6 +23,7 @@ from trunnion.base.report import (
 )
 from trunnion.base.stored import fitting, plain, structured
 from trunnion.base.units import unit_of
+from trunnion.data.distinct import distinct_rows
 from trunnion.diagnosis.contributions import (
     Contribution,
     Ladder,
@@ -221,7 +222,7 @@ class Diagnosis(Result):
         return draft.named(id or draft.id, label or ("" if id else draft.label))
 
     def rebuilt_model(self) -> Model:
-        """Return the diagnosis model of the data, made anew.
+        """Return the model of the data that was diagnosed, made anew: copies of rows left out.
 
         Raises
         ------
@@ -232,7 +233,8 @@ class Diagnosis(Result):
         if self.data is None:
             raise InputError("diagnosis: got one without its data, expected one of measured data")
         kinds = importlib.import_module("trunnion.models.kinds")
-        model: Model = kinds.model_of(self.data, self.setup, self.candidates)
+        used = distinct_rows(self.data).data
+        model: Model = kinds.model_of(used, self.setup, self.candidates)
         return model
 
     @checked
@@ -257,7 +259,7 @@ class Diagnosis(Result):
                 "expected a model of the other data"
             )
         else:
-            model = self.rebuilt_model().bind(other)
+            model = self.rebuilt_model().bind(distinct_rows(other).data)
         effects = self.effects
         lasting = self.structure
         if lasting is not None and lasting.effect.owner is not Owner.TIME:

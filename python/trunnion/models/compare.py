@@ -9,10 +9,8 @@ standard that a kind of data has, and the machine's location errors.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, date, datetime
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -22,6 +20,7 @@ from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result
 from trunnion.base.units import Floats, unit_of
+from trunnion.data.distinct import Distinct, distinct_rows, given_again
 from trunnion.data.mistaken import of_each
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import Cause
@@ -39,6 +38,7 @@ from trunnion.models.changes import (
     meaning,
     not_compared,
 )
+from trunnion.models.dates import days_of, names_of
 from trunnion.models.kinds import as_table, diagnose
 
 COVERAGE = 0.95
@@ -136,10 +136,10 @@ def compare(
     kinds = {s.kind: None for s in sources}
     if len(kinds) > 1:
         raise InputError(f"compare: got {' and '.join(kinds)}, expected measurements of one kind")
-    days = _days(dates, len(sources))
+    days = days_of(dates, len(sources))
     diagnosed = [s.diagnosis for s in sources if s.diagnosis is not None]
     notes = list(of_one_machine([s.made for s in sources]))
-    shown = _names(names, dates, len(sources))
+    shown = names_of(names, dates, len(sources))
     doubts = (getattr(s.diagnosis, "mistakes", ()) for s in sources)
     vectors: dict[str, tuple[_Vector, ...]] = {}
     if diagnosed:
@@ -169,7 +169,7 @@ def compare(
         days=days,
         dated=dates is not None,
         level=level,
-        mistakes=of_each(dict(zip(shown, doubts, strict=True))),
+        mistakes=(*_given_again(shown, sources), *of_each(dict(zip(shown, doubts, strict=True)))),
         notes=tuple(dict.fromkeys(notes)),
     )
 
@@ -196,6 +196,23 @@ def _source(item: Any, setup: Any) -> _Source:
         f"compare: got {type(item).__name__}, expected measured data, a diagnosis, an estimate or "
         "a result with standard errors"
     )
+
+
+def _given_again(shown: Sequence[str], sources: Sequence[_Source]) -> Iterator[str]:
+    """Say which measurements have the readings of another one, and which estimates are another."""
+    data = [None if s.diagnosis is None else s.diagnosis.data for s in sources]
+    for i, of in given_again(data).items():
+        yield (
+            f"{shown[i]} has the same readings as {shown[of]} in every row: was one file given "
+            "twice? Then nothing is known of a change."
+        )
+    for i, s in enumerate(sources):
+        alike = [of for of in range(i) if sources[of].values == s.values]
+        if alike and any(math.isfinite(v.std) for v in s.values.values()):
+            yield (
+                f"{shown[i]} has the same values and standard errors as {shown[alike[0]]} to the "
+                "last digit: was one given twice? Then nothing is known of a change."
+            )
 
 
 def _of_standard(data: Sequence[Any], notes: list[str]) -> list[dict[str, _Value]]:
@@ -266,7 +283,9 @@ def _fitted(
     shown: Sequence[str], diagnoses: Sequence[Diagnosis], notes: list[str]
 ) -> tuple[dict[str, tuple[_Value, ...]], dict[str, tuple[_Vector, ...]]]:
     """Every measurement with the causes of all of them: few parameters by name, many by effect."""
-    models = _models(diagnoses)
+    own = [distinct_rows(d.data) for d in diagnoses]
+    notes += [f"{name}: {said}" for name, d in zip(shown, own, strict=True) for said in d.notes]
+    models = _models(diagnoses, own)
     effects = {}
     for name, values in surest_causes(diagnoses).items():
         if all(name in {e.id for e in m.effects} for m in models) and not any(
@@ -276,8 +295,8 @@ def _fitted(
         else:
             notes.append(f"Not compared, as not all measurements show it alike: {name}.")
     fits = [
-        refit(m, effects, np.asarray(d.outliers, dtype=np.intp))
-        for m, d in zip(models, diagnoses, strict=True)
+        refit(m, effects, one.numbers(d.outliers))
+        for m, d, one in zip(models, diagnoses, own, strict=True)
     ]
     owners = {e.id: e.owner for e in models[0].effects}
     few, many = _parts(models[0], effects, owners)
@@ -320,11 +339,14 @@ def _label(model: Model, name: str, effects: Mapping[str, Any], few: Sequence[st
     return model.effect(effect).label + ("" if alone else f", {meaning(effect, parameter, named)}")
 
 
-def _models(diagnoses: Sequence[Diagnosis]) -> list[Model]:
+def _models(diagnoses: Sequence[Diagnosis], own: Sequence[Distinct]) -> list[Model]:
     """Models of the data that share what they take from the first (a field, a travel)."""
     first, setup = diagnoses[0].rebuilt_model(), diagnoses[0].setup
-    others = (first.bind(d.data) if d.setup == setup else d.rebuilt_model() for d in diagnoses[1:])
-    return [first, *others]
+    others = zip(diagnoses[1:], own[1:], strict=True)
+    return [
+        first,
+        *(first.bind(one.data) if d.setup == setup else d.rebuilt_model() for d, one in others),
+    ]
 
 
 def _parts(
@@ -461,47 +483,3 @@ def _trends(
     corrected = _holm([r[4] for r in rows])
     pairs = zip(rows, corrected, strict=True)
     return tuple(Trend(*r[:4], p, p < level, *r[5:9], label=r[9]) for r, p in pairs)
-
-
-# --- when
-
-
-def _days(dates: Sequence[Any] | None, count: int) -> tuple[float, ...]:
-    """Days from the first measurement; without dates their numbers."""
-    if dates is None:
-        return tuple(map(float, range(count)))
-    if len(dates) != count:
-        raise InputError(f"dates: got {len(dates)}, expected one a measurement, {count}")
-    days = [_day(d) for d in dates]
-    found = tuple(d - days[0] for d in days)
-    if any(b < a for a, b in pairwise(found)) or found[-1] <= 0:
-        raise InputError("dates: got some out of order, expected them in order of time")
-    return found
-
-
-def _day(when: Any) -> float:
-    if isinstance(when, bool):
-        raise InputError(f"dates: got {when!r}, expected a date, text as ISO 8601, or days")
-    if isinstance(when, int | float) and math.isfinite(when):
-        return float(when)
-    try:
-        if isinstance(when, str):
-            when = datetime.fromisoformat(when)
-        if isinstance(when, datetime):
-            zoned = when if when.tzinfo else when.replace(tzinfo=UTC)
-            return zoned.timestamp() / 86400.0
-    except ValueError:
-        pass
-    if isinstance(when, date):
-        return float(when.toordinal() - date(1970, 1, 1).toordinal())
-    raise InputError(f"dates: got {when!r}, expected a date, text as ISO 8601, or days")
-
-
-def _names(names: Sequence[str] | None, dates: Sequence[Any] | None, count: int) -> tuple[str, ...]:
-    if names is not None:
-        if len(names) != count:
-            raise InputError(f"names: got {len(names)}, expected one a measurement, {count}")
-        return tuple(names)
-    if dates is not None:
-        return tuple(str(d) for d in dates)
-    return ("before", "after") if count == 2 else tuple(str(i + 1) for i in range(count))

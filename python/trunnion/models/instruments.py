@@ -20,12 +20,12 @@ from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.base.report import Cell, Result, Shown, Table, plus_minus, significant
 from trunnion.base.units import capital
+from trunnion.data.distinct import distinct_rows
 from trunnion.data.positioning import Positioning
-from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.refit import refit
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.models.compare import surest_causes
-from trunnion.models.kinds import diagnose, model_of
+from trunnion.models.kinds import diagnose
 from trunnion.models.positioning import SAME_COUNTER_UM
 
 LEVEL = 0.05  # over all causes and instruments together (Holm would be sharper)
@@ -204,7 +204,7 @@ def whose_error(data: Positioning) -> InstrumentComparison:
     diagnoses = {name: diagnose(one) for name, one in {**each, **pairs}.items()}
     causes = surest_causes(diagnoses.values())
     sizes = {
-        name: _sizes(model_of(d.data), d, causes, LEVEL / max(len(causes) * len(diagnoses), 1))
+        name: _sizes(d, causes, LEVEL / max(len(causes) * len(diagnoses), 1))
         for name, d in diagnoses.items()
     }
     labels = {k: v for d in diagnoses.values() for k, v in d.labels.items()}
@@ -237,10 +237,10 @@ def _difference(one: Positioning, other: Positioning) -> Positioning:
 
 
 def _sizes(
-    model: Model, d: Diagnosis, causes: Mapping[str, Mapping[str, float]], level: float
+    d: Diagnosis, causes: Mapping[str, Mapping[str, float]], level: float
 ) -> dict[str, tuple[float, float, bool]]:
     """Each cause: rms, its standard uncertainty, and whether it is there."""
-    f = refit(model, causes, np.asarray(d.outliers, dtype=np.intp))
+    f = refit(d.rebuilt_model(), causes, distinct_rows(d.data).numbers(d.outliers))
     out = {}
     for name in causes:
         at = [i for i, n in enumerate(f.names) if n.startswith(f"{name}.")]

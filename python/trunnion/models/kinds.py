@@ -349,7 +349,9 @@ def _alone(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Diagno
         found = replace(found, contributions=contributions)
     if first is not None:
         outliers = tuple(int(first[row]) for row in found.outliers)
-        found = replace(found, outliers=outliers)
+        of = found.residuals
+        of = None if of is None else replace(of, rows=first[of.rows])
+        found = replace(found, outliers=outliers, residuals=of)
     return replace(found, notes=(*repeated, *found.notes))
 
 
@@ -361,10 +363,7 @@ def measured_of(found: Diagnosis) -> Measured:
     InputError
         As `Diagnosis.rebuilt_model`.
     """
-    model = found.rebuilt_model()
-    used, first, *_ = distinct_rows(found.data)
-    if first is not None:
-        model = model_of(used, found.setup, found.candidates)
+    model, first = found.rebuilt_model(), distinct_rows(found.data).rows
     return Measured(kind_name(found.data), found.data, first, Left.of(found) or leave(model), model)
 
 
@@ -442,7 +441,8 @@ def _one_of_several(data: Any, setup: Any, effects: Sequence[EffectLike | str]) 
     model = model_of(used, setup, effects)
     left = leave(model)
     if first is not None:
-        left = replace(left, outliers=tuple(int(first[row]) for row in left.outliers))
+        outliers = tuple(int(first[row]) for row in left.outliers)
+        left = replace(left, outliers=outliers, rows=first[left.rows])
     return Measured(kind_name(data), data, first, left, model, repeated)
 
 

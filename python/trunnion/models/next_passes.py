@@ -15,6 +15,7 @@ from trunnion.base.report import Result, Table
 from trunnion.base.stored import fitting, plain
 from trunnion.base.units import Floats
 from trunnion.data.diameters import Diameters
+from trunnion.data.distinct import distinct_rows
 from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.fit import fit
 from trunnion.diagnosis.model import Model
@@ -164,7 +165,8 @@ def _held(diagnosis: Diagnosis, model: Model, causes: frozenset[str]) -> Named:
     start = next(a.start for a in diagnosis.evidence if a.causes == causes)
     effects = [e for e in model.effects if e.id in causes]
     values = {id_: Values(v) for id_, v in start.items()}
-    used = np.flatnonzero(~np.isin(model.readings.rows, diagnosis.outliers))
+    outliers = distinct_rows(diagnosis.data).numbers(diagnosis.outliers)
+    used = np.flatnonzero(~np.isin(model.readings.rows, outliers))
     offsets = np.array(list(diagnosis.nuisance_before.values()))
     fitted = fit(model, used, effects, offsets, values, lambda rows: rows)
     return fitted.effects

@@ -14,6 +14,7 @@ from trunnion.base.errors import DataError, InputError
 from trunnion.base.report import Result, Table
 from trunnion.base.saved import Columns
 from trunnion.base.units import Flags, Floats, Integers, unit_of
+from trunnion.data.distinct import distinct_rows
 from trunnion.data.touches import Touches, without_frame
 from trunnion.diagnosis.discrimination import Discrimination, Hypothesis
 from trunnion.diagnosis.effect import Effect, EffectValues, Values
@@ -157,8 +158,8 @@ def expected_discrimination(d: Diagnosis, n: int = 8) -> ExpectedDiscrimination:
     model = cast(TouchDiagnosisModel, d.rebuilt_model())
     n = whole("n", n, 1, MAX_TOUCHES)
     pool = _pool(model)
-    used = np.flatnonzero(~np.isin(np.arange(len(d.data)), d.outliers))
-    old = d.data[used]
+    used = np.delete(np.arange(len(model.data)), distinct_rows(d.data).numbers(d.outliers))
+    old = model.data[used]
     both = model.bind(without_frame(old).followed_by(without_frame(pool)))
     is_old = np.arange(len(both.data)) < len(old)
     tried = [

@@ -104,8 +104,7 @@ class Measured:
         cause makes: it would make causes of other measurements weigh more.
         """
         found = self.alone
-        of_row = found.rows if self.distinct is None else self.distinct[found.rows]
-        kept = ~np.isin(of_row, self.alone.outliers)
+        kept = ~np.isin(found.rows, self.alone.outliers)
         before, after, n = found.before[kept], found.after[kept], int(np.sum(kept))
         parameters = found.parameters + len(model.nuisance)
         dof = max(n - parameters, 1)
