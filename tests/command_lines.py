@@ -45,7 +45,9 @@ def command_lines(folder: Path) -> dict[str, list[list[str]]]:
     sphere = tn.Setup(tn.Artefact("sphere", diameter_mm=25.0, centre_mm=(30.0, 20.0, 60.0)))
     ball_setup, found = folder / "ball.toml", folder / "ball.csv"
     ball_setup.write_text(sphere.to_toml())
-    tn.simulate(tn.plan(sphere), sphere, noise_um=0.3, seed=1).to_csv(found)
+    better = folder / "better.csv"
+    for seed, path in enumerate((found, better)):
+        tn.simulate(tn.plan(sphere), sphere, noise_um=0.3, seed=seed).to_csv(path)
     return {
         "init": [["init", str(folder / "new")]],
         "samples": [["samples", str(folder / "samples")]],
@@ -68,7 +70,7 @@ def command_lines(folder: Path) -> dict[str, list[list[str]]]:
             ["compensate", str(folder / "errors.json"), SETUP, "-o", str(folder / "table"), "--control", "table"],
         ],
         "correct": [["correct", str(folder / "mill.ngc"), str(folder / "errors.json"), SETUP]],
-        "verify": [["verify", str(found), str(ball_setup)], ["verify", str(found), str(found), str(ball_setup)]],
+        "verify": [["verify", str(found), str(ball_setup)], ["verify", str(found), str(better), str(ball_setup)]],
         "sweep": [["sweep", str(study)], ["sweep", "--parameters", "calibration"]],
         "demo": [["demo"]],
         "schema": [["schema", "diagnose"], ["schema"]],

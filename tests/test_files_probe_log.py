@@ -155,6 +155,31 @@ def test_runs_of_one_measurement_have_one_frame(
     assert len(tn.read_probe_log(path, plan)) == 2  # a measurement of its own
 
 
+def test_a_frame_that_only_some_runs_of_a_measurement_say_is_given_to_none(
+    plan: tn.Touches, tmp_path: Path
+) -> None:
+    """A run without one, before or behind one with it, and one that says less of it."""
+    path, state = tmp_path / "touches.log", "; G54 0 0 0 tool length 100"
+    full = f"{state} A 0 C 0 corrected"
+    first, then = (run(plan, at).replace(state, "{}") for at in (1, 2))
+    what = "wcs, work offset x, work offset y, work offset z, tool length"
+    for one, other, message in (
+        ("", state, f":1:2: got a run that does not say work offset {what}, expected it as in li"),
+        (state, "", f":4:2: got a run that does not say work offset {what}, expected it as in li"),
+        (state, full, ":2:1: got a run that does not say work offset a, work offset c, kinematics"),
+        (full, state, ":5:1: got a run that does not say work offset a, work offset c, kinematics"),
+    ):
+        log = first.format(one) + ONE + then.format(other) + TWO
+        path.write_text("\n".join(line for line in log.split("\n") if line) + "\n")
+        with pytest.raises(tn.FileFormatError) as error:
+            tn.read_probe_log(path, plan)
+        assert message in str(error.value)
+    path.write_text(first.format(full) + ONE + then.format(full) + TWO)
+    frame = tn.read_probe_log(path, plan).control_frame
+    assert frame is not None
+    assert frame.corrected
+
+
 def test_a_numbered_log_gives_the_touches_that_it_names(plan: tn.Touches, tmp_path: Path) -> None:
     path = tmp_path / "touches.log"
     path.write_text(run(plan) + TWO)

@@ -465,6 +465,20 @@ def test_another_tool_length_is_no_other_machine() -> None:
     assert any(one.startswith(said) for one in third.notes)
 
 
+def test_a_joint_diagnosis_says_whose_frame_is_not_known() -> None:
+    """Its estimate has the frame of the others, and is refused where one of them hinders."""
+    on = in_frame(control_corrected=1)
+    found = tn.diagnose([touches(), on], SETUP)
+    said = [one for one in found.notes if one.startswith("Measurement 1 does not say wcs_x_mm, ")]
+    assert "what measurement 2 says of the control" in said[0]
+    assert found.model.control_frame == on.control_frame
+    part = on.with_columns(tool_length_mm=None)
+    said = [one for one in tn.diagnose([on, part], SETUP).notes if "does not say" in one]
+    assert [one.partition(":")[0] for one in said] == ["Measurement 2 does not say tool_length_mm"]
+    for both in ([touches(), touches()[:-1]], [on, on[:-1]]):
+        assert not any("does not say" in one for one in tn.diagnose(both, SETUP).notes)
+
+
 def test_a_comparison_says_whose_frame_is_another() -> None:
     before, after = in_frame(), in_frame(control_corrected=1)
     for found in (

@@ -147,6 +147,11 @@ def test_touches_that_follow_are_one_measurement_with_the_first() -> None:
     assert [c.id for c in both.causes] == ["probe_radius"]
     with pytest.raises(tn.DataError, match=r"one measurement: first\.followed_by\(these\)"):
         tn.diagnose([d.data, following], d.setup)
+    ball = tn.Setup(tn.Artefact("sphere", diameter_mm=25.0, centre_mm=(30.0, 20.0, 60.0)))
+    of_ball = tn.simulate(tn.plan(ball), ball)
+    with pytest.raises(tn.DataError, match="misses the modelled artefact") as error:
+        tn.diagnose([d.data, of_ball], d.setup)
+    assert "followed_by" not in str(error.value)
     early = following.with_columns(time_s=following["time_s"] - following["time_s"].min())
     with pytest.raises(tn.InputError, match="expected later ones of one clock"):
         d.data.followed_by(early)
@@ -169,6 +174,22 @@ def test_the_command_writes_touches_that_follow_behind_the_first(tmp_path: Path)
     times = tn.read_touches(both)["time_s"]
     assert len(times) == len(d.data) + 8
     assert np.all(np.diff(times) > 0)
+
+
+def test_touches_of_another_artefact_are_refused_with_their_file(tmp_path: Path) -> None:
+    d, _ = doubted(2)
+    setup, first, plan, log = (tmp_path / n for n in ("s.toml", "1.csv", "next.csv", "next.log"))
+    setup.write_text('[machine]\npreset = "trt-ca"\n[artefact]\nkind = "cross"\n', encoding="utf-8")
+    ball = tn.Setup(tn.Artefact("sphere", diameter_mm=25.0, centre_mm=(30.0, 20.0, 60.0)))
+    tn.simulate(tn.plan(ball), ball).to_csv(first)
+    tn.next_touches(d, 8).to_csv(plan)
+    command = ["simulate", str(plan), str(setup), "--probe-log", str(log), "--quiet"]
+    assert CliRunner().invoke(app, command).exit_code == 0
+    said = CliRunner().invoke(
+        app, ["touches", *map(str, (plan, log, setup)), "--after", str(first)]
+    )
+    assert said.exit_code == 2
+    assert "touch in line 2 of 1.csv " in " ".join(said.output.split())
 
 
 def test_touches_whose_clock_begins_anew_follow_after_a_stated_pause(tmp_path: Path) -> None:

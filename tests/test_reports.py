@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import html
+import json
 import re
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from plotly.offline import get_plotlyjs
 from typer.testing import CliRunner
 
 import trunnion as tn
+from command_lines import command_lines
 from result_examples import EXAMPLES, cross, diagnosis_of
 from trunnion.base.report import Result
 from trunnion.cli import app
@@ -177,6 +179,57 @@ def test_commands_write_reports(command: list[str], tmp_path: Path) -> None:
     assert pages
     for page in pages:
         assert "trunnion" in page.read_text(encoding="utf-8")
+
+
+RECORDED = (
+    "estimate", "observe", "compare", "verify", "ballbar results", "ballbar identify",
+    "ballbar plan", "positioning results", "positioning instruments", "levels results",
+    "rotary-test identify",
+)  # fmt: skip
+"""Commands whose result holds neither its data nor its set-up."""
+
+
+@pytest.mark.parametrize("command", RECORDED)
+def test_every_report_has_the_files_that_its_command_was_given(
+    command: str, tmp_path: Path
+) -> None:
+    """By --output and, where there is one, by --html: with their checksums, and the set-up."""
+    has_html = "--html" in CliRunner().invoke(app, [*command.split(), "--help"]).output
+    for count, line in enumerate(command_lines(tmp_path)[command]):
+        given = [Path(word) for word in line if Path(word).is_file()]
+        by_every_method = command == "compare" and len(given) == 2
+        for option in ("output", "html") if has_html and not by_every_method else ("output",):
+            page = tmp_path / f"{option}{count}.html"
+            done = CliRunner().invoke(app, [*line, f"--{option}", str(page)])
+            assert done.exit_code == 0, done.output
+            written = [*tmp_path.glob(f"{page.stem}*.html")]  # one a result
+            assert written
+            for one in written:
+                text = html.unescape(one.read_text(encoding="utf-8"))
+                for path in given:
+                    assert f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path}" in text, path
+                stated = [path.read_text("utf-8") for path in given if path.suffix == ".toml"]
+                assert all(text_of.strip() in text for text_of in stated)
+
+
+def test_the_page_of_a_verification_says_whether_the_forecast_holds(tmp_path: Path) -> None:
+    folder = tmp_path
+    before, after, setup = command_lines(folder)["verify"][1][1:]
+    page, estimate = folder / "page.html", folder / "estimate.json"
+    for holds, errors in ((True, {}), (False, {"EX0C": 20.0})):
+        known = tn.read_setup(setup)
+        touches = tn.simulate(tn.plan(known), known, errors, noise_um=0.3, seed=5)
+        found = tn.identify(tn.read_touches(before), known)
+        estimate.write_text(json.dumps(found.to_dict()), encoding="utf-8")
+        touches.to_csv(after)
+        line = ["verify", before, after, setup, "--estimate", str(estimate), "--force"]
+        done = CliRunner().invoke(app, [*line, "--html", str(page)])
+        assert done.exit_code == 0, done.output
+        text = page.read_text(encoding="utf-8")
+        top = html.unescape(re.sub(r"<[^>]+>", "", text))
+        assert ("as found" if holds else "which does not hold") in top
+        assert hashlib.sha256(estimate.read_bytes()).hexdigest() in text
+        assert f'class="verdict {"good" if holds else "bad"}' in text
 
 
 # --- one size, one probability, one sense

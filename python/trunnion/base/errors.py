@@ -88,6 +88,23 @@ class DataError(TrunnionError):
     """
 
 
+class TooFewReadingsError(DataError):
+    """Fewer readings than unknowns.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.read_setup(tn.sample_path("cross/setup.toml"))
+    >>> touches = tn.read_touches(tn.sample_path("cross/touches.csv"))
+    >>> try:
+    ...     tn.diagnose(touches[:5], setup)
+    ... except tn.DataError as error:
+    ...     print(error)
+    ...
+    touches.csv: readings: got 5 for 14 unknowns, expected more than unknowns
+    """
+
+
 class KinematicsError(TrunnionError):
     """A pose that the machine or mechanism cannot take.
 

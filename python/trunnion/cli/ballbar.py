@@ -9,8 +9,9 @@ from typing import Annotated, Any, TypedDict
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, command, group_of, save, sort_files
+from trunnion.cli.command import Answer, command, group_of, save
 from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
+from trunnion.cli.given import sort_files
 from trunnion.cli.hybrid import mechanism_of
 from trunnion.cli.schema import Of, Printed
 
@@ -51,7 +52,7 @@ def results(
 ) -> Answer:
     """Evaluate circles by ISO 230-4: circular deviation G, hysteresis H, radial deviation F."""
     data, set_ups = sort_files(files, (1, 1), (0, 1), "lengths")
-    setup = tn.read_setup(set_ups[0]) if set_ups else None
+    setup = _stated(set_ups)
     lengths = tn.read_ballbar(data[0])
     circles = tn.iso230_4(lengths)
     shown: list[Any] = [*circles]
@@ -59,7 +60,13 @@ def results(
         for circle in circles:
             name = html if len(circles) == 1 else html.with_stem(f"{html.stem}-{circle.setup}")
             shown.append(save(name, partial(circle.to_html, data=lengths, setup=setup)))
-    return Answer({"circles": [circle.to_dict() for circle in circles]}, tuple(shown))
+    values = {"circles": [circle.to_dict() for circle in circles]}
+    return Answer(values, tuple(shown), made_of={"data": lengths, "setup": setup})
+
+
+def _stated(set_ups: list[Path]) -> tn.Setup | None:
+    """Return the set-up, where one is given."""
+    return tn.read_setup(set_ups[0]) if set_ups else None
 
 
 def identify(
@@ -72,11 +79,11 @@ def identify(
 ) -> Answer:
     """Estimate the 17 errors of the hybrid machine."""
     data, set_ups = sort_files(files, (1, 1), (0, 1), "lengths")
-    return Answer.of(
-        tn.hybrid.identify_ballbar(
-            tn.read_ballbar(data[0]), mechanism_of(set_ups), sigma_um=sigma_um, tolerance=tolerance
-        )
+    lengths = tn.read_ballbar(data[0])
+    found = tn.hybrid.identify_ballbar(
+        lengths, mechanism_of(set_ups), sigma_um=sigma_um, tolerance=tolerance
     )
+    return Answer.of(found, data=lengths, setup=_stated(set_ups))
 
 
 def plan(
@@ -85,8 +92,6 @@ def plan(
 ) -> Answer:
     """Say what readings at these poses of the hybrid machine can determine."""
     data, set_ups = sort_files(files, (1, 1), (0, 1), "lengths")
-    return Answer.of(
-        tn.hybrid.identifiability(
-            tn.read_ballbar(data[0]), mechanism_of(set_ups), sigma_um=sigma_um
-        )
-    )
+    lengths = tn.read_ballbar(data[0])
+    found = tn.hybrid.identifiability(lengths, mechanism_of(set_ups), sigma_um=sigma_um)
+    return Answer.of(found, data=lengths, setup=_stated(set_ups))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import warnings
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, TypedDict, cast
 
@@ -22,10 +21,10 @@ from trunnion.cli.command import (
     check_outputs,
     command,
     is_program,
-    one_set_up,
     save,
     save_result,
 )
+from trunnion.cli.given import one_set_up
 from trunnion.cli.program import LogFile, ProbeLog, read_log, save_program
 from trunnion.cli.schema import Of, Printed
 from trunnion.cli.values import Angles, named_values, names
@@ -298,10 +297,9 @@ def estimate(
     shown: list[object] = [*notes, *(f"{result.summary()}\n" for result in results.values())]
     if per_position:
         shown += tn.closed_form(data, setup).per_position.tables()
-    if html is not None:
-        best = results.get("least-squares") or next(iter(results.values()))
-        shown.append(save(html, partial(best.to_html, data=data, setup=setup)))
-    return Answer(results, tuple(shown))
+    made_of = {"data": data, "setup": setup}
+    best = results.get("least-squares") or next(iter(results.values()))
+    return Answer(results, tuple(shown), made_of=made_of).with_page(html, best)
 
 
 def _estimates(
@@ -340,4 +338,5 @@ def observe(
 ) -> Answer:
     """Say what a plan can determine, before anything is measured."""
     setup, planned = _plan_and_set_up(files)
-    return Answer.of(tn.observability(planned, setup, names(effects), noise_um=noise_um))
+    found = tn.observability(planned, setup, names(effects), noise_um=noise_um)
+    return Answer.of(found, data=planned, setup=setup)

@@ -16,10 +16,10 @@ import os
 import shlex
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, NoReturn, ParamSpec
 
@@ -30,6 +30,7 @@ from trunnion.base.call import COMMAND
 from trunnion.base.errors import InputError, TrunnionError
 from trunnion.base.output import WRITTEN, check_among, check_ending, check_new, whole_file
 from trunnion.base.progress import shown_progress
+from trunnion.cli.given import near_file
 
 P = ParamSpec("P")
 
@@ -46,7 +47,8 @@ Output = Annotated[
     typer.Option(
         "--output",
         "-o",
-        help="write the result here; its ending says as what: .csv .json .xlsx .parquet",
+        help="write the result here; its ending says as what: .csv .json .xlsx .parquet; of "
+        "results .html, the report",
         show_default=False,
     ),
 ]
@@ -97,27 +99,48 @@ class Answer:
     values: Printed with --json: a result, or plain values by name.
     shown: Printed otherwise, one after the other: results (their summaries), tables, or text.
     failed: What was not usable, of several files; the command then ends with `REFUSED`.
+    made_of: Data, set-up and further files of the result, for the record of its report: arguments
+        of `Result.to_html`.
     """
 
     values: Any
     shown: tuple[Any, ...] = ()
     failed: tuple[str, ...] = ()
+    made_of: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, result: Any, *more: Any) -> Answer:
+    def of(cls, result: Any, *more: Any, **made_of: Any) -> Answer:
         """Return a result as answer, with further blocks below its summary."""
-        return cls(result, (result, *more))
+        return cls(result, (result, *more), made_of=made_of)
+
+    def with_page(self, html: Path | None, of: Any = None) -> Answer:
+        """Write the report of the result, or of one of several, where one is wanted; say so."""
+        if html is None:
+            return self
+        return replace(self, shown=(*self.shown, self._page(html, of or self._result(html))))
+
+    def _page(self, path: Path, of: Any) -> str:
+        return save(path, functools.partial(of.to_html, **self.made_of), PAGE)
 
     def save(self, path: Path) -> str:
         """Write the result: JSON holds all that --json prints, the other formats its tables."""
         if path.suffix.lower() == ".json":
             text = self.json()
             return save(path, lambda draft: draft.write_text(text + "\n", encoding="utf-8"))
+        result = self._result(path)
+        is_page = path.suffix.lower() in WRITTEN[PAGE] and hasattr(result, "to_html")
+        return self._page(path, result) if is_page else save_result(path, result)
+
+    def _result(self, path: Path) -> Any:
+        """Return what is written to files: of several results by name the last, the most general.
+
+        path: Of the file, for the message.
+        """
         by_name = [*self.values.values()][::-1] if isinstance(self.values, Mapping) else []
         results = [e for e in (self.values, *by_name, *self.shown) if hasattr(e, "save")]
         if not results:
             raise InputError(f"--output: got {path}, expected a name that ends in .json")
-        return save_result(path, results[0])
+        return results[0]
 
     def json(self, command: str = "") -> str:
         """Return `values` as JSON text; with the name of a command, which schema they follow."""
@@ -379,16 +402,6 @@ def _message(error: BaseException) -> str:
     return str(error)
 
 
-def near_file(path: str | Path) -> str:
-    """Say which file there is meant, if one has nearly this name."""
-    from trunnion.base.checks import nearest
-
-    folder = Path(path).parent
-    names = [each.name for each in folder.iterdir()] if folder.is_dir() else []
-    near = nearest(Path(path).name, names)
-    return "" if near is None else f"; did you mean {folder / near}?"
-
-
 def check_outputs(*paths: Path, what: str = "") -> None:
     """Refuse paths where files stand already, unless --force is given, and what is read.
 
@@ -446,51 +459,3 @@ def save_result(path: Path, result: Any) -> str:
     note = ", which a control takes for a program" if is_program(path) else ""
     check_among(path, endings, note)
     return save(path, result.save)
-
-
-def sort_files(
-    files: Iterable[Path],
-    data: tuple[int, int],
-    set_ups: tuple[int, int],
-    what: str = "data",
-    *,
-    exist: bool = True,
-) -> tuple[list[Path], list[Path]]:
-    """Return data and set-ups (.toml) in the order given.
-
-    files: As given on the command line.
-    data, set_ups: Smallest and largest number of each.
-    what: What the data are called in the message.
-    exist: Whether data that do not exist are refused; a set-up always is.
-
-    Raises InputError: other numbers of files, or a file that does not exist.
-    """
-    files = list(files)
-    found = [f for f in files if f.suffix.lower() != ".toml"]
-    toml = [f for f in files if f.suffix.lower() == ".toml"]
-    if not (data[0] <= len(found) <= data[1] and set_ups[0] <= len(toml) <= set_ups[1]):
-        raise InputError(
-            f"files: got {_named(found)} as {what} and {_named(toml)} as set-up (.toml), expected "
-            f"{_count(data)} of {what} and {_count(set_ups)} set-up"
-        )
-    for file in files if exist else toml:
-        if not file.exists():
-            raise InputError(f"{file}: no such file or directory{near_file(file)}")
-    return found, toml
-
-
-def _named(files: list[Path]) -> str:
-    return ", ".join(map(str, files)) or "none"
-
-
-def one_set_up(files: Iterable[Path], data: tuple[int, int], what: str) -> tuple[list[Path], Path]:
-    """Return the data and the one set-up among the files of a command."""
-    found, toml = sort_files(files, data, (1, 1), what)
-    return found, toml[0]
-
-
-def _count(bounds: tuple[int, int]) -> str:
-    low, high = bounds
-    return (
-        str(low) if low == high else f"{low} or {high}" if high == low + 1 else f"{low} to {high}"
-    )

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, Html, command, save, sort_files
+from trunnion.cli.command import Answer, Html, command
+from trunnion.cli.given import sort_files
 from trunnion.cli.schema import Printed
 
 LEVEL = 0.05
@@ -53,17 +53,16 @@ def compare(
     setup = tn.read_setup(set_ups[0]) if set_ups else None
     if len(data) == 1:
         _only_of_several(dates, level, html)
-        return Answer.of(_methods(data[0], setup))
+        touches = _read(data[0])
+        found = _methods(data[0], touches, setup)
+        return Answer.of(found, data=touches, setup=setup)
     when = [part.strip() for part in dates.split(",")] if dates else None
     names = None if when else [path.stem for path in data]
     if names is not None and len(set(names)) < len(names):
         names = [str(path) for path in data]
     read = [_read(path) for path in data]
     found = tn.compare(*read, setup=setup, dates=when, names=names, level=level)
-    shown: list[Any] = [found]
-    if html is not None:
-        shown.append(save(html, partial(found.to_html, data=read, setup=setup)))
-    return Answer(found, tuple(shown))
+    return Answer.of(found, data=read, setup=setup).with_page(html)
 
 
 def _only_of_several(dates: str, level: float, html: Path | None) -> None:
@@ -75,9 +74,8 @@ def _only_of_several(dates: str, level: float, html: Path | None) -> None:
             )
 
 
-def _methods(path: Path, setup: tn.Setup | None) -> Any:
+def _methods(path: Path, touches: Any, setup: tn.Setup | None) -> Any:
     """Estimate location errors from one measurement by every method."""
-    touches = _read(path)
     if not isinstance(touches, tn.Touches) or setup is None:
         what = type(touches).__name__ if setup is not None else "no set-up (TOML)"
         raise tn.InputError(

@@ -14,11 +14,11 @@ import typer
 
 import trunnion as tn
 from trunnion.base.output import check_folder
-from trunnion.cli.command import Answer, Html, check_outputs, command, one_set_up, save
+from trunnion.cli.command import Answer, Html, check_outputs, command, save
+from trunnion.cli.given import one_set_up
 from trunnion.cli.schema import Printed
 
 if TYPE_CHECKING:
-    from trunnion.base.report import Result
     from trunnion.compensation import Compensation, ErrorMap
     from trunnion.controls import ControlFiles
     from trunnion.machine.estimate import Estimate
@@ -105,30 +105,17 @@ def compensate(
         check_outputs(*(output / name for name in made.files))
         said = [save(output / name, _text(t)) for name, t in made.files.items()]
         inputs = [estimates[0], *(present or ())]
-        return Answer.of(made, *said, *_report(html, made, setup, inputs))
+        return Answer.of(made, *said, data=inputs, setup=setup).with_page(html)
     table = tn.error_map(
         setup, estimate, **_ends(setup), linear_step_mm=linear_step_mm,
         rotary_step_deg=rotary_step_deg,
     )  # fmt: skip
-    return _general(setup, estimate, table, output, seed, html, estimates[:1])
+    answer = _general(setup, estimate, table, output, seed)
+    made_of = {"data": estimates, "setup": setup}
+    return dataclasses.replace(answer, made_of=made_of).with_page(html)
 
 
-def _report(html: Path | None, result: Result, setup: Setup, inputs: list[Path]) -> list[str]:
-    """Write the report of a compensation where one is wanted; inputs: files it was made of."""
-    if html is None:
-        return []
-    return [save(html, functools.partial(result.to_html, data=inputs, setup=setup))]
-
-
-def _general(
-    setup: Setup,
-    estimate: Estimate,
-    table: ErrorMap,
-    output: Path,
-    seed: int,
-    html: Path | None,
-    inputs: list[Path],
-) -> Answer:
+def _general(setup: Setup, estimate: Estimate, table: ErrorMap, output: Path, seed: int) -> Answer:
     """Error map, parameters and pictures, for any control."""
     from trunnion.compensation import compensation_forecast
 
@@ -146,7 +133,7 @@ def _general(
     ]
     sums = {str(p): hashlib.sha256(p.read_bytes()).hexdigest() for p in written}
     found = dataclasses.replace(found, files=sums)
-    return Answer.of(found, table.summary(), *said, *_report(html, found, setup, inputs))
+    return Answer.of(found, table.summary(), *said)
 
 
 def _for_control(

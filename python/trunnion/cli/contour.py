@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, Output, command, group_of, save_result, sort_files
+from trunnion.cli.command import Answer, Output, command, group_of, save_result
 from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
+from trunnion.cli.given import sort_files
 from trunnion.cli.schema import Printed
 from trunnion.cli.values import named_values
 

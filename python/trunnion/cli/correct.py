@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import PROGRAM, Answer, Output, command, one_set_up, save
+from trunnion.cli.command import PROGRAM, Answer, Output, command, save
+from trunnion.cli.given import one_set_up
 from trunnion.cli.schema import Printed
 
 if TYPE_CHECKING:

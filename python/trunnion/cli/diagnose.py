@@ -11,16 +11,8 @@ import typer
 import trunnion as tn
 from trunnion.base.output import check_folder
 from trunnion.base.progress import tracked
-from trunnion.cli.command import (
-    Answer,
-    Html,
-    Output,
-    check_outputs,
-    command,
-    save,
-    save_result,
-    sort_files,
-)
+from trunnion.cli.command import Answer, Html, Output, check_outputs, command, save, save_result
+from trunnion.cli.given import sort_files
 from trunnion.cli.program import ProbeLog, read_log
 from trunnion.cli.read import said_of
 from trunnion.cli.schema import Of, Printed

@@ -50,4 +50,4 @@ def results(
         several = f"{html.stem}-{type(one).__name__.lower()}"
         name = html.with_stem(several) if len(found) > 1 else html
         said.append(save(name, partial(one.to_html, data=data)))
-    return Answer(values, tuple(said))
+    return Answer(values, tuple(said), made_of={"data": data})

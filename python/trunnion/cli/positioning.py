@@ -96,11 +96,12 @@ def results(
         std = {k: math.hypot(v, standard_uncertainty) for k, v in found.std_errors.items()}
         report = partial(replace(found, std_errors=std).to_html, data=data, tolerance=limits)
         said = (*said, save(html, report))
-    return Answer(values, said)
+    return Answer(values, said, made_of={"data": data})
 
 
 def instruments(
     stops: Stops,
 ) -> Answer:
     """Say of each cause whether it is the axis' or an instrument's, of several on one move."""
-    return Answer.of(tn.whose_error(tn.read_positioning(stops)))
+    data = tn.read_positioning(stops)
+    return Answer.of(tn.whose_error(data), data=data)

@@ -12,17 +12,8 @@ import typer
 import trunnion as tn
 from trunnion.base.call import COMMAND
 from trunnion.base.output import write_text
-from trunnion.cli.command import (
-    PROGRAM,
-    Answer,
-    Output,
-    check_log,
-    command,
-    one_set_up,
-    save,
-    save_result,
-    sort_files,
-)
+from trunnion.cli.command import PROGRAM, Answer, Output, check_log, command, save, save_result
+from trunnion.cli.given import one_set_up, sort_files
 from trunnion.cli.schema import Printed
 
 if TYPE_CHECKING:

@@ -10,17 +10,9 @@ import typer
 import trunnion as tn
 from trunnion.base.input import listed_numbers
 from trunnion.cli.calibration import SetupFile
-from trunnion.cli.command import (
-    Answer,
-    Html,
-    Output,
-    command,
-    group_of,
-    one_set_up,
-    save,
-    save_result,
-)
+from trunnion.cli.command import Answer, Html, Output, command, group_of, save_result
 from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
+from trunnion.cli.given import one_set_up
 from trunnion.cli.schema import Printed
 from trunnion.cli.values import Angles, exactly
 
@@ -89,8 +81,6 @@ def identify(files: Readings, html: Html = None) -> Answer:
     """Estimate location errors; [rotary_test] of the set-up says where the ball stands."""
     data, setup = one_set_up(files, (1, 1), "readings")
     readings = tn.read_rotary_test(data[0])
-    fit = tn.identify_rotary_test(readings, tn.read_setup(setup))
-    shown: list[Any] = [fit]
-    if html is not None:
-        shown.append(save(html, fit.to_html))
-    return Answer(fit.to_dict(), tuple(shown))
+    known = tn.read_setup(setup)
+    fit = tn.identify_rotary_test(readings, known)
+    return Answer(fit.to_dict(), (fit,), made_of={"data": readings, "setup": known}).with_page(html)

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated, TypedDict, cast
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import PROGRAM, Answer, Output, command, group_of, save, sort_files
+from trunnion.cli.command import PROGRAM, Answer, Output, command, group_of, save
 from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
+from trunnion.cli.given import sort_files
 from trunnion.cli.schema import Printed
 
 if TYPE_CHECKING:

@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, command, one_set_up
+from trunnion.cli.command import Answer, Html, command
+from trunnion.cli.given import one_set_up
 from trunnion.cli.schema import Printed
 
 
@@ -30,14 +31,16 @@ def verify(
         Path | None,
         typer.Option(help="what the corrections were made from (JSON): gives the forecast"),
     ] = None,
+    html: Html = None,
 ) -> Answer:
     """Compare where a ball on the table is found at every posture, before and after corrections."""
     data, file = one_set_up(files, (1, 2), "measurements")
-    read = [tn.read_touches(path) for path in data]
+    read, setup = [tn.read_touches(path) for path in data], tn.read_setup(file)
     found = tn.verify_ball(
         read[-1],
-        tn.read_setup(file),
+        setup,
         before=read[0] if len(read) == 2 else None,
         estimate=None if estimate is None else tn.read_estimate(estimate),
     )
-    return Answer.of(found)
+    inputs = [] if estimate is None else [estimate]
+    return Answer.of(found, data=[*read, *inputs], setup=setup).with_page(html)

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import PAGE, Answer, command, is_program, near_file, save
+from trunnion.cli.command import PAGE, Answer, command, is_program, save
+from trunnion.cli.given import near_file
 from trunnion.cli.schema import Printed
 
 if TYPE_CHECKING:

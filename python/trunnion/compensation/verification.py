@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from trunnion.base.arguments import checked, name_place
+from trunnion.base.arguments import checked
 from trunnion.base.checks import whole
-from trunnion.base.errors import DataError, InputError, TrunnionError
+from trunnion.base.errors import DataError, InputError
 from trunnion.base.report import Cell, Result, Table
 from trunnion.base.units import ARCSEC, Floats
 from trunnion.compensation.control import ModelCompensation
@@ -90,7 +90,11 @@ class BallVerification(Result):
         return self.forecast_um[0] <= self.max_after_um <= self.forecast_um[1]
 
     def sentences(self) -> Sequence[str]:
-        """Before, after, forecast."""
+        """Before, after, forecast, and what the control did."""
+        return (*self.verdict(), *self.notes)
+
+    def verdict(self) -> tuple[str, ...]:
+        """Return what is likely wrong, then what was found before and after, and the forecast."""
         after, before = self.max_after_um, self.max_before_um
         lines = [
             f"The ball's centre lies within {after:.2f} µm of its mean place at "
@@ -116,7 +120,7 @@ class BallVerification(Result):
                     "the place of the table that of the set-up, are there effects that the "
                     "estimate does not have (trunnion diagnose)?"
                 )
-        return (*self.mistakes, *lines, *self.notes)
+        return (*self.mistakes, *lines)
 
     def tables(self) -> tuple[Table, ...]:
         """Every posture."""
@@ -199,7 +203,7 @@ def verify_ball(
     whole("draws", draws, 100, MAX_DRAWS)
     whole("seed", seed, 0)
     given = {"after": after} if before is None else {"before": before, "after": after}
-    mistakes = _mistakes(given, setup)
+    mistakes = of_each({name: mistakes_of(touches, setup) for name, touches in given.items()})
     if before is not None:
         _check_pair(before, after)
     places = {name: _places(touches, setup, name) for name, touches in given.items()}
@@ -330,18 +334,6 @@ def _left(
     by = rates[:, numbers] @ np.append(point, 1.0)
     blocks = draw_changes(random, covariance, freedom_of(setup, estimate), draws)
     return np.concatenate([np.einsum("dp,kpi->dki", block, by) for block in blocks])
-
-
-def _mistakes(given: Mapping[str, Touches], setup: Setup) -> tuple[str, ...]:
-    """Name what is likely wrong with each measurement, and refuse touches that are of no ball."""
-    said = {}
-    for name, touches in given.items():
-        try:
-            said[name] = mistakes_of(touches, setup)
-        except TrunnionError as error:
-            name_place(error, [touches])
-            raise
-    return of_each(said)
 
 
 def _worse(before: _Places, left: Floats, noise: Floats) -> Iterator[str]:

@@ -248,6 +248,27 @@ def frame_changes(
                 yield f"{listed(some, said, '{name} was {before}, then {after}')}: {why}."
 
 
+def taken_as_said(data: Sequence[Any]) -> Iterator[str]:
+    """Say what some measurements of one estimate do not say of the frame, and others do.
+
+    data: Of each kind; touches have a frame, or None, the others know none.
+    """
+    columns = {
+        i: {} if one.control_frame is None else one.control_frame.columns(1)
+        for i, one in enumerate(data, 1)
+        if hasattr(one, "control_frame")
+    }
+    for i, mine in columns.items():
+        said = {name: j for j, own in reversed(columns.items()) for name in own}
+        if lacking := [name for name in COLUMNS if name in said and name not in mine]:
+            others = " and ".join(str(j) for j in sorted({said[name] for name in lacking}))
+            yield (
+                f"Measurement {i} does not say {', '.join(lacking)}: the errors are stated with "
+                f"what measurement {others} says of the control, and hold if it was the same. If "
+                "that is not known, diagnose each by itself."
+            )
+
+
 def frame_notes(data: Any) -> tuple[str, ...]:
     """Say what corrections of the control make of what is identified; most data say none."""
     frame = getattr(data, "control_frame", None)

@@ -358,7 +358,7 @@ def _numbered(
     lines = {entry.line for entry in found.values()}
     used = [run for run in ours if not lines.isdisjoint(run.touches)]
     log.check_frame(used)
-    known = ([run for run in used if log.frame(run)] or used)[-1]
+    known = used[-1]  # all say the same
     notes = (*skipped, *others, *before, *cut, *log.said_of_frame(known, centre_mm))
     return list(found.values()), notes, ControlFrame.of_words(log.frame(known))
 

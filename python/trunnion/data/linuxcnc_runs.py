@@ -235,13 +235,17 @@ class Log:
         return min(run.line + 1, len(self.lines) - 1)
 
     def check_frame(self, runs: Iterable[Run]) -> None:
-        """Check that runs of which touches are used had one work offset and tool length."""
+        """Check that runs of which touches are used had one work offset and tool length.
+
+        And that all of them say as much: nothing is known of the others.
+        """
         first: tuple[Run, dict[str, str]] | None = None
         for run in runs:
             frame = self.frame(run)
             if first is None:
-                first = (run, frame) if frame else None
+                first = (run, frame)
                 continue
+            self._check_said(first, (run, frame))
             apart = differences(first[1], frame)
             if apart:
                 said = [one._replace(name=_called(one.name)) for one in apart]
@@ -253,6 +257,23 @@ class Log:
                     "changed between two runs of one measurement, whose touches lie in two "
                     "frames. Measure again from touch 1 with one work offset and tool length, or "
                     "read a copy of the log without one of the runs",
+                )
+
+    def _check_said(
+        self, one: tuple[Run, dict[str, str]], other: tuple[Run, dict[str, str]]
+    ) -> None:
+        """Refuse the frames of two runs of which one says what the other does not."""
+        for (run, frame), (full, said) in ((one, other), (other, one)):
+            if lacking := [_called(part) for part in said if part not in frame]:
+                line, there = self._frame_line(run), self._frame_line(full) + 1
+                raise self.error(
+                    line if frame else run.line,
+                    0,
+                    f"got a run that does not say {', '.join(lacking)}, expected it as in line "
+                    f"{there}: nothing is known of whether the touches of one measurement lie in "
+                    f"one frame. If they do, put a copy of line {there} "
+                    f"{'in place of this line' if frame else 'behind this line'}; if not, measure "
+                    "again from touch 1, or read a copy of the log without one of the runs",
                 )
 
 

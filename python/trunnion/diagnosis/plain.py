@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from trunnion.base.errors import DataError
+from trunnion.base.errors import DataError, TooFewReadingsError
 from trunnion.base.resolution import Floor, Grid
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.fit import Fit, fit
@@ -35,7 +35,9 @@ def case_of(model: Model, *, dependent: bool = False) -> Case:
     for effect in model.effects:
         check_own(effect, n)
     if n <= p:
-        raise DataError(f"readings: got {n} for {p} unknowns, expected more than unknowns")
+        raise TooFewReadingsError(
+            f"readings: got {n} for {p} unknowns, expected more than unknowns"
+        )
     if (known := model.known_noise) is not None:
         return whitened(model, None, model.grid, known)
     plain = plain_fit(model)

@@ -16,9 +16,15 @@ import numpy as np
 
 from trunnion.base.arguments import checked, name_place
 from trunnion.base.checks import choose, nearest
-from trunnion.base.errors import DataError, InputError, TrunnionError
+from trunnion.base.errors import DataError, InputError, TooFewReadingsError, TrunnionError
 from trunnion.data.distinct import distinct_rows, given_again
-from trunnion.data.frame import OF_THE_MACHINE, frame_changes, frame_notes, listed
+from trunnion.data.frame import (
+    OF_THE_MACHINE,
+    frame_changes,
+    frame_notes,
+    listed,
+    taken_as_said,
+)
 from trunnion.data.times import time_notes
 from trunnion.data.touches import Touches
 from trunnion.diagnosis.effect import EffectLike
@@ -393,8 +399,8 @@ def _of_several(data: Sequence[Any], setup: Any, effects: Sequence[EffectLike | 
         found = joined(with_contradictions(diagnose_model(model), model), model, measured, given)
         found = with_mistakes_of_each(found, model.parts, measured, setup, _built)
     frames = [one.control_frame if isinstance(one, Touches) else None for one in tables]
-    lengths = frame_changes(frames, ("tool_length_mm",))
-    return replace(found, notes=(*notes, *lengths, *found.notes))
+    said = (*frame_changes(frames, ("tool_length_mm",)), *taken_as_said(tables))
+    return replace(found, notes=(*notes, *said, *found.notes))
 
 
 def _at_least_two(data: Sequence[Any]) -> None:
@@ -415,7 +421,8 @@ def _measured(
             measured.append(_one_of_several(one, setup, effects))
         except TrunnionError as error:
             name_place(error, [one])
-            if isinstance(one, Touches) and any(isinstance(m.data, Touches) for m in measured):
+            few = isinstance(one, Touches) and isinstance(error, TooFewReadingsError)
+            if few and any(isinstance(m.data, Touches) for m in measured):
                 error.args = (f"{error}. {FOLLOWING}",)
             raise
     return measured

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trunnion._core import Moves
-from trunnion.base.arguments import checked, renumber
+from trunnion.base.arguments import checked, name_place, renumber
 from trunnion.base.errors import InputError, TrunnionError, UnknownNameError
 from trunnion.base.repeats import Repeats
 from trunnion.base.resolution import ANY_PLACE, grown
@@ -117,8 +117,13 @@ def identify(
 def mistakes_in(model: TouchModel, data: Touches, moves: Moves) -> tuple[str, ...]:
     """Return the notes on likely mistakes that :func:`identify` gives, without the rest of it.
 
+    Too few of them for the plain model say what shows without its estimates.
+
     model: Of the set-up, without effects. moves: The touches, as the core knows them.
     """
+    if len(data) < len(model.names):
+        model.core.residuals(moves, model.values())
+        return seen_at_once(data, model, moves)
     how = Loss(None, known_sigma_um(model.setup, data), _priors(model.names, {}))
     found = _by_the_core(model, moves, how, MAX_STEPS)
     result = _result(model, data, (), found, None)
@@ -128,25 +133,20 @@ def mistakes_in(model: TouchModel, data: Touches, moves: Moves) -> tuple[str, ..
 def mistakes_of(data: Touches, setup: Setup) -> tuple[str, ...]:
     """Name what is likely wrong with touches, as a diagnosis of them does.
 
-    Too few of them for the plain model say what shows without its estimates.
-
     Raises
     ------
     DataError
-        Touches off the modelled surface; the message has the likely cause.
+        Touches off the modelled surface; the message has their place and the likely cause.
     """
     own = distinct_rows(data)
     try:
         with mistakes_named(own.data, setup):
             model = TouchModel(setup)
-            moves = model.moves(own.data)
-            if len(own.data) < len(model.names):
-                model.core.residuals(moves, model.values())
-                return seen_at_once(own.data, model, moves)
-            return mistakes_in(model, own.data, moves)
+            return mistakes_in(model, own.data, model.moves(own.data))
     except TrunnionError as error:
         if own.rows is not None:
             renumber(error, own.rows.tolist())
+        name_place(error, [data])
         raise
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from trunnion.base.conformity import Conformity, Decision
 from trunnion.base.report import Cell, Result, Shown, Table, measured
 from trunnion.compensation.forecast import CompensationForecast
+from trunnion.compensation.verification import BallVerification
 from trunnion.controls.files import ControlFiles
 from trunnion.diagnosis.records import chance
 from trunnion.diagnosis.result import Diagnosis
@@ -157,6 +158,25 @@ def _comparison(result: MachineComparison, source: Source) -> Document:
     return Document(f"Comparison: {said}", source.subtitle(), mark, first, top, sections)
 
 
+def _verification(result: BallVerification, source: Source) -> Document:
+    """Whether what is left is what was forecast, before and after at every posture."""
+    mark = {True: Mark.GOOD, False: Mark.BAD, None: Mark.NEUTRAL}[result.as_forecast]
+    shown = drawn(result)
+    sections = (
+        Section("What else is known", (Points(result.notes),) if result.notes else ()),
+        Section("Pictures", tuple(shown[1:])),
+        source.section(),
+    )
+    return Document(
+        result.title(),
+        source.subtitle(),
+        Mark.BAD if result.mistakes else mark,
+        " ".join(result.verdict()),
+        (*result.tables(), *shown[:1]),
+        sections,
+    )
+
+
 def _changes(result: MachineComparison) -> Table:
     """Each quantity before and after, with the half width of the 95 % interval of the change."""
     rows = []
@@ -198,6 +218,7 @@ def _measurements(result: MachineComparison, source: Source) -> Table:
 BUILDERS: tuple[tuple[type[Any], Callable[[Any, Source], Document]], ...] = (
     (Diagnosis, diagnosis_document),
     (MachineComparison, _comparison),
+    (BallVerification, _verification),
     (Estimate, _estimate),
     (CompensationForecast, compensation_document),
     (ControlFiles, control_document),
