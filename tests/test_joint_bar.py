@@ -91,6 +91,26 @@ def test_the_axes_own_tests_settle_which_it_is(*, of_machine: bool) -> None:
     assert d.evidence[0].probability > 0.9
 
 
+@pytest.mark.parametrize("of_machine", [False, True])
+@pytest.mark.parametrize("axis", "XZ")
+def test_what_is_recommended_of_the_doubt_settles_it(axis: str, *, of_machine: bool) -> None:
+    """The other two axes have no test of their own: the bar compares them with the first."""
+    rng = np.random.default_rng([98, ord(axis), of_machine])
+    ppm = 60.0 if of_machine else 0.0
+    made = circles(rng, 0.0 if of_machine else LONGER_UM, (ppm, ppm, ppm))[:2]
+    d = tn.diagnose(made)
+    assert {frozenset({BAR}), frozenset({ALIKE})} <= set(d.alternatives)
+    other = ({BAR, ALIKE} - d.named).pop()
+    apart = {one.label: one.apart[frozenset({other})] for one in tn.next_measurement(d)}
+    assert apart[f"a positioning run of {axis}"] > 6
+    assert apart["a circle of a ball-bar in ZX, both senses"] < 0.1
+    after = tn.diagnose([*made, stops(rng, axis, ppm)])
+    hidden, excluded = (ALIKE, BAR) if of_machine else (BAR, ALIKE)
+    assert hidden in after.named
+    assert all(hidden in one and excluded not in one for one in after.alternatives)
+    assert after.unexplained is None
+
+
 def test_bars_of_other_lengths_have_lengths_of_their_own() -> None:
     rng = np.random.default_rng([95])
     none = (0.0, 0.0, 0.0)

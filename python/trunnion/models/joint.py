@@ -17,7 +17,7 @@ the rest ("ballbar:differs_squareness_xy"): the measurements contradict each oth
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -36,8 +36,10 @@ from trunnion.diagnosis.scan import Dictionary
 from trunnion.diagnosis.whitening import Whiten, Whiteners
 from trunnion.machine.effects import Owner
 from trunnion.models.agreement import APART, LEVEL, effects_apart, errors_apart
+from trunnion.models.one_bar import Instruments, ScaleAlike
 from trunnion.models.parts import (
     Acts,
+    Change,
     ExtendedJoint,
     Part,
     are_alike,
@@ -52,20 +54,6 @@ from trunnion.models.parts import (
 from trunnion.setup.names import shared_label
 
 UNIT_NAMES = {"µm": "um"}  # in names of parameters
-SAME_SIZE_MM = 0.5  # of instruments: nominal sizes that differ by less are one
-STANDARD = "without a standard it cannot be distinguished from the length of the instrument"
-
-
-@dataclass(frozen=True)
-class _Change:
-    """A shared error or effect that changed before part ``since``; of an error ``effect`` is ''.
-
-    From the first part of its kind on: it is another in measurements of this kind.
-    """
-
-    since: int
-    error: str = ""
-    effect: str = ""
 
 
 class JointModel(Model):
@@ -77,10 +65,16 @@ class JointModel(Model):
         The measurements, at least two.
     binder
         Makes this model of other measurements.
+    before
+        The model of the first of these parts: what several measurements may have in common or may
+        differ in stays as it is there, whatever the further parts show.
     """
 
     def __init__(
-        self, parts: Sequence[Part], binder: Callable[[Sequence[Any]], Model] | None = None
+        self,
+        parts: Sequence[Part],
+        binder: Callable[[Sequence[Any]], Model] | None = None,
+        before: JointModel | None = None,
     ) -> None:
         self.parts = tuple(parts)
         self.data = tuple(p.model.data for p in parts)
@@ -90,7 +84,7 @@ class JointModel(Model):
         self.readings = joined_readings(self.parts)
         self.known_noise = self._noise()
         self._join_nuisance()
-        self._join_effects()
+        self._join_effects(before)
 
     # --- what is joined
 
@@ -121,17 +115,16 @@ class JointModel(Model):
         self._start = np.array(start)
         self._index = index
 
-    def _join_effects(self) -> None:
+    def _join_effects(self, before: JointModel | None) -> None:
         self._acts: dict[str, list[Acts]] = {}
-        self._instruments: list[tuple[str, str, float, str]] = []  # kind, effect, size, id here
-        self.alike = ""  # id of the scale of all axes together, if that is a candidate
-        self._changes: dict[str, _Change] = {}
+        instruments = Instruments()
+        self._changes: dict[str, Change] = {}
         self._plain: dict[int, tuple[Floats, Floats]] = {}  # derivatives, where they were asked for
         made: dict[str, Effect] = {}
         for i, part in enumerate(self.parts):
             for own in part.model.effects:
                 known = part.model.shared(own)
-                id_, sign = (self._instrument(part, own), 1.0) if known is None else known
+                id_, sign = (instruments.id_of(part, own), 1.0) if known is None else known
                 if id_ in made and not are_alike(made[id_], own):
                     id_, sign = f"{part.name}:{own.id}", 1.0
                 self._acts.setdefault(id_, []).append(Acts(i, own, sign))
@@ -139,45 +132,34 @@ class JointModel(Model):
                     label = own.label or own.id.replace("_", " ")
                     label = shared_label(id_, label) if ":" not in id_ else f"{label} ({part.name})"
                     made[id_] = self._effect(id_, own.parameters, label, own.owner, own)
-        for *_, id_ in self._instruments:
+        for id_ in instruments.ids:
             if len(acts := self._acts[id_]) > 1:
                 made[id_] = replace(made[id_], label=acts[0].effect.label)
-        for effect in self._scales_alike(made):
-            made[effect.id] = effect
         self.apart: dict[str, tuple[str, str]] = {}  # which kind differs in what, by candidate
-        for effect in (*self._possible_changes(made), *self._possible_differences(made)):
-            made[effect.id] = effect
-        self.effects = tuple(made.values())
+        self.alike: ScaleAlike = (
+            instruments.scale_alike(self._acts) if before is None else before.alike
+        )
+        if self.alike.axes:
+            self._acts[self.alike.id] = self.alike.acts(self._acts)
+            first = made[f"scale_{self.alike.axes[0]}"]
+            made[self.alike.id] = self._effect(
+                self.alike.id, first.parameters, self.alike.label, first.owner
+            )
+        further = self._of_several(made) if before is None else self._kept(before)
+        self.effects = (*made.values(), *further)
 
-    def _instrument(self, part: Part, own: Effect) -> str:
-        """Id of an effect that is not the machine's: of the first part by the same instrument."""
-        id_, size = f"{part.name}:{own.id}", part.model.instrument_size(own)
-        if size is None:
-            return id_
-        for kind, effect, other, first in self._instruments:
-            if (kind, effect) == (part.kind, own.id) and abs(other - size) < SAME_SIZE_MM:
-                return first
-        self._instruments.append((part.kind, own.id, size, id_))
-        return id_
+    def _of_several(self, made: Mapping[str, Effect]) -> Iterator[Effect]:
+        """What several measurements may differ in."""
+        yield from self._possible_changes(made)
+        yield from self._possible_differences(made)
 
-    def _scales_alike(self, made: Mapping[str, Effect]) -> Iterator[Effect]:
-        """Scale of all axes together, which looks like an instrument of another length.
-
-        Only where several measurements are by one instrument, which is one cause beside a scale of
-        each axis, and where nothing else shows a scale.
-        """
-        by = [self._acts[id_] for *_, id_ in self._instruments]
-        scales = [f"scale_{a}" for a in "xyz" if f"scale_{a}" in made]
-        acts = [one for name in scales for one in self._acts[name]]
-        standard = {one.part for one in acts} - {one.part for own in by for one in own}
-        if standard or len(scales) < 2 or all(len(own) == 1 for own in by):
-            return
-        axes = "".join(name[-1] for name in scales)
-        self.alike = f"scale_{axes}"
-        self._acts[self.alike] = acts
-        label = f"scale of {' and '.join(axes.upper())} alike"
-        first = made[scales[0]]
-        yield self._effect(self.alike, first.parameters, label, first.owner)
+    def _kept(self, before: JointModel) -> Iterator[Effect]:
+        """What the first of the parts may differ in, as the model of them has it."""
+        self.apart, self._changes = before.apart, before._changes
+        for effect in before.effects:
+            if effect.id in self._changes:
+                bound = OneEffect(self, effect.id)
+                yield replace(effect, change=bound.change, jacobian=bound.jacobian)
 
     def _effect(
         self,
@@ -204,7 +186,7 @@ class JointModel(Model):
 
     def ids_of_part(self, i: int) -> dict[str, str]:
         """What this model calls the effects of one part, by their ids there."""
-        own = {k: acts for k, acts in self._acts.items() if k != self.alike}
+        own = {k: acts for k, acts in self._acts.items() if k != self.alike.id}
         return {a.effect.id: id_ for id_, acts in own.items() for a in acts if a.part == i}
 
     def _possible_changes(self, made: Mapping[str, Effect]) -> Iterator[Effect]:
@@ -217,7 +199,7 @@ class JointModel(Model):
             for k in sorted(set(self._index[before]) & set(self._index[i])):
                 x = self.nuisance[k]
                 id_ = f"{part.name}:change_{x.name}"
-                self._changes[id_] = _Change(i, error=x.name)
+                self._changes[id_] = Change(i, error=x.name)
                 unit = UNIT_NAMES.get(x.unit, x.unit)
                 label = f"change of {x.name} before {part.name}"
                 yield self._effect(id_, (Parameter(f"change_{unit}", x.unit),), label, x.owner)
@@ -226,7 +208,7 @@ class JointModel(Model):
                 if not {before, i} <= {a.part for a in acts} or not effect.linear:
                     continue
                 id_ = f"{part.name}:change_{shared.rpartition(':')[2]}"
-                self._changes[id_] = _Change(i, effect=shared)
+                self._changes[id_] = Change(i, effect=shared)
                 label = f"change of {effect.label} before {part.name}"
                 yield self._effect(id_, effect.parameters, label, effect.owner)
 
@@ -236,21 +218,22 @@ class JointModel(Model):
         for kind, k in errors_apart(self.parts, self._index):
             x = self.nuisance[k]
             parameter = Parameter(f"differs_{UNIT_NAMES.get(x.unit, x.unit)}", x.unit)
-            change = _Change(kinds.index(kind), error=x.name)
+            change = Change(kinds.index(kind), error=x.name)
             yield self._difference(kind, change, (parameter,), x.name, x.owner)
         acting = {
             shared: [(a.part, a.effect) for a in acts]
             for shared, acts in self._acts.items()
             if made[shared].linear
+            and shared != self.alike.id  # other in those by one bar: that is its length
         }
         for kind, shared in effects_apart(self.parts, acting):
-            change, effect = _Change(kinds.index(kind), effect=shared), made[shared]
+            change, effect = Change(kinds.index(kind), effect=shared), made[shared]
             yield self._difference(kind, change, effect.parameters, effect.label, effect.owner)
 
     def _difference(
         self,
         kind: str,
-        change: _Change,
+        change: Change,
         parameters: tuple[Parameter, ...],
         label: str,
         owner: Owner,
@@ -308,7 +291,7 @@ class JointModel(Model):
                     at[self._position(i, change.error)] += next(iter(values.values()))
         return at, own
 
-    def _concerns(self, i: int, change: _Change) -> bool:
+    def _concerns(self, i: int, change: Change) -> bool:
         """Whether a change acts on a part: one of the same kind, not before it."""
         return i >= change.since and self.parts[i].kind == self.parts[change.since].kind
 
@@ -494,6 +477,6 @@ class JointModel(Model):
         """Why an effect, beside the others of a set, says nothing to a compensation; or nothing."""
         if ":" in id_:
             return f"it belongs to {id_.partition(':')[0]}"
-        if id_ == self.alike:
-            return STANDARD
+        if id_ == self.alike.id:
+            return self.alike.why_idle
         return APART if any(self.apart.get(i, ("", ""))[1] == id_ for i in effects) else ""

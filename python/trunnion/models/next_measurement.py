@@ -316,11 +316,10 @@ def _other_kinds(diagnosis: Diagnosis, setup: Setup | None) -> Iterator[_Test]:
         name = kind if all(p.kind != kind for p in model.parts) else f"{kind} next"
         n = len(new.readings)
         part = Part(name, kind, new, np.arange(n), Scaled(identity, noise))
-        both = JointModel([*model.parts, part])
-        # What the machine itself has changed, or is said to differ in, is no freedom of the test.
-        known = {e.id for e in model.effects} | set(both.apart)
+        # What several measurements may have in common or differ in is no freedom of the test.
+        both = JointModel([*model.parts, part], before=model)
+        known = {e.id for e in model.effects}
         own = [e for e in both.effects if e.linear and e.id not in known]
-        own = [e for e in own if not e.id.startswith(f"{name}:change_")]
         yield _Test(
             label,
             kind,

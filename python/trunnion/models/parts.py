@@ -43,6 +43,18 @@ class Acts:
         return Values({p.name: float(self.sign * v if p.linear else v) for p, v in sizes})
 
 
+@dataclass(frozen=True)
+class Change:
+    """A shared error or effect that changed before part ``since``; of an error ``effect`` is ''.
+
+    From the first part of its kind on: it is another in measurements of this kind.
+    """
+
+    since: int
+    error: str = ""
+    effect: str = ""
+
+
 @dataclass(frozen=True, eq=False)
 class Part:
     """One of the measurements.
