@@ -18,6 +18,7 @@ from trunnion.diagnosis.whitening import Whiteners
 from trunnion.models.joint import JointModel
 from trunnion.models.kinds import model_of
 
+SAME_PROBABILITY = 0.03  # the noise of one of two is known a little otherwise
 SAME_NOISE = 0.1  # of its size: sets of causes that explain about as well leave about as much
 NOISE_UM = 0.3
 
@@ -35,6 +36,20 @@ def test_a_measurement_leaves_as_much_as_its_diagnosis_says(kind: str) -> None:
         assert np.std(left.after) == pytest.approx(of_d, rel=SAME_NOISE)
         if d.unexplained is None:
             assert left.unexplained is None
+
+
+@pytest.mark.parametrize("number", [3, 6, 8, 9, 10])
+def test_beside_a_sound_axis_causes_are_as_probable_as_alone(number: int) -> None:
+    """A test that says nothing of the cause of another makes it no more and no less probable."""
+    one = draw("diameters", number, 91)
+    sound = stops(number, ()).with_columns(axis=np.full(len(stops(number, ())), "Z"))
+    alone, joint = tn.diagnose(one.data, one.setup), tn.diagnose([one.data, sound], one.setup)
+    together = {a.causes: a.probability for a in joint.evidence}
+    nothing = tn.diagnose(sound).none_probability
+    for a in alone.evidence:
+        if a.probability > SAME_PROBABILITY:
+            expected = a.probability * nothing
+            assert together.get(a.causes, 0.0) == pytest.approx(expected, abs=SAME_PROBABILITY)
 
 
 def stops(seed: int, causes: Iterable[str]) -> tn.Positioning:

@@ -76,6 +76,7 @@ class Candidates:
         numbers: int,
         basis: Floats,
         own_level: Floats | None = None,
+        among: Floats | None = None,
         stated: Mapping[int, float] = MappingProxyType({}),
         alone: Collection[int] = (),
         positive: frozenset[int] = frozenset(),
@@ -83,14 +84,16 @@ class Candidates:
         """Candidates of which not all columns are there at a time.
 
         ``pieces``: number of a candidate and some of its variants, in order; ``count``: of the
-        candidates; ``numbers``: of all pieces together; ``own_level``: as of the class; ``stated``:
+        candidates; ``numbers``: of all pieces together; ``own_level``: as of the class; ``among``:
+        how many candidates each shares the level with, 0 for all that have none of their own;
+        ``stated``:
         standard deviation of what some of them may add along their unit columns; ``alone``:
         candidates of one variant; ``positive``: those of one column that are nothing if negative.
         """
         new = object.__new__(cls)
         new.stated, new.positive = stated, positive
         new._build(pieces, count, numbers, basis, alone)
-        new._complete(basis, NAMING_LEVEL, own_level, None)
+        new._complete(basis, NAMING_LEVEL, own_level, None, among=among)
         return new
 
     penalty: Floats
@@ -220,6 +223,7 @@ class Candidates:
         own_level: Floats | None,
         own_price: Floats | None,
         multiplicity: float | None = None,
+        among: Floats | None = None,
     ) -> None:
         """Group the blocks and price them."""
         self._basis, self._shared_level = basis, level
@@ -234,7 +238,9 @@ class Candidates:
         self._group()
         own = np.zeros(self.count) if own_level is None else own_level
         shared = np.sum(own[self.identifiable] == 0) if multiplicity is None else multiplicity
-        self.level = np.where(own > 0, own, level / max(shared, 1))
+        count = np.full(self.count, max(shared, 1))
+        count = count if among is None else np.where(among > 0, among, count)
+        self.level = np.where(own > 0, own, level / count)
         self.multiplicity = float(shared)
         self._price(own_price)
 

@@ -121,6 +121,8 @@ class Effect:
         Whether it is named at a level of 1e-12: what a set-up seldom has wrong.
     level:
         Level at which it is named; 0: its share of the level of all candidates.
+    among:
+        How many candidates it is one of, by which it has its share; 0: all of the model.
     stated:
         What is known of its one parameter beforehand: zero within a standard uncertainty. It costs
         a set of causes what it contradicts of that, and its estimate is made with it.
@@ -140,6 +142,7 @@ class Effect:
     expected: bool = False
     rare: bool = False
     level: float = 0.0
+    among: float = 0.0
     stated: Stated | None = None
     spread: Spread | None = None
 

@@ -215,7 +215,9 @@ def with_behind(e: Explanation) -> Explanation:
     behind = [] if e.behind is None else e.behind()
     if not behind:
         return e
-    known = [Behind(frozenset(members), distance) for members, distance, _ in behind]
+    known = [
+        Behind(frozenset(members), [*members][-1], distance) for members, distance, _ in behind
+    ]
     return replace(
         e,
         sets=[*e.sets, *behind] if e.sets else [],
@@ -354,7 +356,7 @@ def _behind(case: Case, best: float, sets: Sets) -> Sets:
 
     Nothing demands the effect, but the others take its share where it is there: a tool that wears
     while it heats up looks like one that heats up less and sooner. The size is supposed and not
-    fitted, so that it costs no penalty.
+    fitted, so that it costs no penalty. In its set the effect is the last.
     """
     c = case.candidates
     known = {frozenset(m) for m, _, _ in sets}

@@ -47,6 +47,7 @@ class Left:
     dictionary: Structure without a name in all readings, if it was looked for there.
     exact: Whether they have no noise.
     assumed: Variance of a white reading that the causes of exact ones were searched with.
+    candidates: Count of those that one cause is among beforehand; 0: not known.
     """
 
     before: Floats
@@ -61,6 +62,7 @@ class Left:
     dictionary: Dictionary | None = None
     exact: bool = False
     assumed: float = 0.0
+    candidates: float = 0.0
 
     @classmethod
     def of(cls, found: Diagnosis) -> Left | None:
@@ -102,7 +104,8 @@ def left_one_by_one(case: Case) -> Left | None:
         return None
     rows = np.asarray(case.model.readings.rows)
     known = case.linearised, case.whiten, case.grid, case.dictionary
-    return Left(plain.residuals, after, rows, (), plain.dof - dof, None, *known)
+    count = case.candidates.multiplicity
+    return Left(plain.residuals, after, rows, (), plain.dof - dof, None, *known, candidates=count)
 
 
 def _rest_on_one(causes: Sequence[Floats], plain: Fit, left: Floats) -> bool:
@@ -150,4 +153,5 @@ def left_of(case: Case, e: Explanation, dropped: Integers) -> Left:
         case.searched_for,
         exact=e.assumed > 0 or kept.exact(f),
         assumed=e.assumed,
+        candidates=case.candidates.multiplicity,
     )

@@ -13,8 +13,7 @@ mean likelihood of its sizes, even where the search did not look at it, or not a
 nothing determines its size.
 
 An effect that may hide behind others (:attr:`.effect.Effect.least`) is supposed and not fitted: its
-sets have the weight of the likelihood times the odds of one more cause beforehand, one among all
-candidates.
+sets have the weight of the likelihood times the odds of one more cause beforehand.
 """
 
 from __future__ import annotations
@@ -42,9 +41,10 @@ MIN_WEIGHT = 0.01  # of a set, by which causes are asked for that it hides
 
 @dataclass(frozen=True)
 class Behind:
-    """A set with an effect behind it: its candidates, and its distance to the best set."""
+    """A set with an effect behind it: its candidates, the one behind, the distance to the best."""
 
     members: Members
+    behind: int
     distance: float
 
 
@@ -266,8 +266,10 @@ class Probabilities:
     def _hidden(self) -> dict[Members, float]:
         # their distance is that of scores, to the set of the best score
         best = _mask(self.search.top.members)
-        odds = self._weights.get(best, 1.0) / max(self.candidates.multiplicity, 1.0)
-        return {b.members: odds * float(np.exp(-b.distance / 2)) for b in self.behind}
+        own, weight = self.candidates.level / NAMING_LEVEL, self._weights.get(best, 1.0)
+        return {
+            b.members: weight * float(own[b.behind] * np.exp(-b.distance / 2)) for b in self.behind
+        }
 
     @cached_property
     def _total(self) -> float:

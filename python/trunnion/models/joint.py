@@ -50,6 +50,7 @@ from trunnion.models.parts import (
     joined_labels,
     joined_readings,
     places_of,
+    with_odds,
 )
 from trunnion.setup.names import shared_label
 
@@ -146,7 +147,7 @@ class JointModel(Model):
                 self.alike.id, first.parameters, self.alike.label, first.owner
             )
         further = self._of_several(made) if before is None else self._kept(before)
-        self.effects = (*made.values(), *further)
+        self.effects = with_odds((*made.values(), *further), self._acts, self.parts)
 
     def _of_several(self, made: Mapping[str, Effect]) -> Iterator[Effect]:
         """What several measurements may differ in."""
@@ -171,7 +172,7 @@ class JointModel(Model):
         level: float = 0.0,
     ) -> Effect:
         bound = OneEffect(self, id_)
-        motion, stated = (None, None) if own is None else (own.motion, own.stated)
+        known = {} if own is None else {k: getattr(own, k) for k in ("motion", "least", "stated")}
         return Effect(
             id_,
             parameters,
@@ -179,9 +180,8 @@ class JointModel(Model):
             bound.jacobian,
             label,
             owner,
-            motion,
             level=level,
-            stated=stated,
+            **known,
         )
 
     def ids_of_part(self, i: int) -> dict[str, str]:

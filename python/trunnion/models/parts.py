@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -83,6 +84,8 @@ class Part:
         differ to second order in the errors of the machine, as those at a fit with causes do.
     terms
         Structure without a name that its own diagnosis looked for.
+    candidates
+        Count of those that a cause is one of in its own diagnosis; 0: all of its model.
     """
 
     name: str
@@ -95,7 +98,14 @@ class Part:
     grid: Grid | None = None
     linearised: Linearised | None = None
     terms: Dictionary | None = None
+    candidates: float = 0.0
     _predicted: dict[tuple[object, ...], Floats] = field(default_factory=dict, repr=False)
+
+    @property
+    def among(self) -> float:
+        """How many candidates a cause of it is one of beforehand."""
+        ordinary = [e for e in self.model.effects if not (e.expected or e.rare or e.level)]
+        return max(self.candidates or len(ordinary), 1.0)
 
     def white_columns(self, nuisance: Floats, acts: Acts, values: Sequence[Values]) -> Floats:
         """Return columns of linear parameters of an effect that acts here, (v, k, n).
@@ -202,6 +212,24 @@ def places_of(
         if place is not None:
             out[j] = effect.values(place.values())
     return out
+
+
+def with_odds(
+    effects: Iterable[Effect], acts: Mapping[str, Sequence[Acts]], parts: Sequence[Part]
+) -> tuple[Effect, ...]:
+    """Return effects with the count of candidates that each is one of beforehand.
+
+    Those of its own measurement, so that another one that says nothing of it makes it neither more
+    nor less probable; where several see it, their geometric mean. A change between dates, which
+    ``acts`` has not, is one of all candidates.
+    """
+    out = []
+    for effect in effects:
+        seen = {one.part for one in acts.get(effect.id, ())}
+        counts = [math.log(parts[i].among) for i in seen]
+        among = math.exp(sum(counts) / len(counts)) if counts else 0.0
+        out.append(replace(effect, among=among))
+    return tuple(out)
 
 
 def are_alike(first: Effect, other: Effect) -> bool:
