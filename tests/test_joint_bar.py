@@ -85,7 +85,7 @@ def test_the_axes_own_tests_settle_which_it_is(*, of_machine: bool) -> None:
     ppm = 60.0 if of_machine else 0.0
     made = circles(rng, 0.0 if of_machine else LONGER_UM, (ppm, ppm, ppm))
     d = tn.diagnose([*made, *(stops(rng, name, ppm) for name in "XYZ")])
-    hidden = SCALES if of_machine else {BAR}
+    hidden = {ALIKE} if of_machine else {BAR}
     assert d.named == hidden
     assert all(hidden <= set(one) for one in d.alternatives)
     assert all(c.probability > 0.99 for c in d.causes)
@@ -131,3 +131,24 @@ def test_a_bar_that_changed_between_two_dates_is_found() -> None:
     none = (0.0, 0.0, 0.0)
     d = tn.diagnose([circle(rng, "XY", 0.0, none), circle(rng, "XY", LONGER_UM, none)])
     assert {"ballbar 2:change_ballbar_length"} in d.alternatives
+
+
+@pytest.mark.parametrize("axes", ["X", "XY"])
+def test_a_warm_machine_is_no_contradiction_and_no_two_wrong_instruments(axes: str) -> None:
+    """All axes 20 ppm long, two circles and stops of some axes; other seeds than the others."""
+    for seed in range(4):
+        rng = np.random.default_rng([99, seed])
+        made = [circle(rng, plane, 0.0, (20.0, 20.0, 20.0)) for plane in ("XY", "YZ")]
+        d = tn.diagnose([*made, *(stops(rng, name, 20.0) for name in axes)])
+        assert d.verdict != "unexplained"
+        assert d.named == {ALIKE}
+        assert not d.model.not_compensable
+        assert d.model.effects[ALIKE]["ppm"] == pytest.approx(20.0, abs=0.5)
+
+
+def test_scales_that_differ_are_not_named_alike() -> None:
+    rng = np.random.default_rng([98])
+    ppm = (30.0, -12.0, 0.0)
+    d = tn.diagnose([circle(rng, "XY", 0.0, ppm), stops(rng, "X", 30.0), stops(rng, "Y", -12.0)])
+    assert d.named == {"scale_x", "scale_y"}
+    assert not any(one >= {"scale_xy"} for one in d.alternatives)

@@ -95,11 +95,11 @@ def of_probe_or_artefact(rng: Rng) -> Measured:
 
 
 def long_bar_or_machine(rng: Rng, *, of_machine: bool) -> Measured:
-    """A circle that reads too large, and stops of X and Y: by both scales, or by the bar."""
+    """A circle that reads too large, and stops of X and Y: by both scales alike, or by the bar."""
     size = float(rng.uniform(10, 30) * rng.choice([-1, 1]))
     data = bar(rng, size, 0.0) if of_machine else bar(rng, 0.0, 0.15 * size)
     scale: Causes = {f"scale_{a}": {"ppm": size * of_machine} for a in "xy"}
-    hidden = {"scale_x", "scale_y"} if of_machine else {"ballbar:ballbar_length"}
+    hidden = {"scale_xy"} if of_machine else {"ballbar:ballbar_length"}
     return [data, *(stops(rng, a, scale) for a in "xy")], hidden
 
 

@@ -103,6 +103,7 @@ class Candidates:
     dependent: float = DEPENDENT
     positive: frozenset[int] = frozenset()  # candidates of one column, nothing if negative
     stated: Mapping[int, float] = MappingProxyType({})  # candidates whose size is known to be small
+    apart: frozenset[int] = frozenset()  # masks of two candidates that no set has both of
     _banned: frozenset[int] = frozenset()
     _inner_products: Among  # of blocks that were asked for together
     _last: tuple[Floats, Floats] | None = None  # residuals and their products
@@ -144,7 +145,7 @@ class Candidates:
         ``own_level``, ``own_price``: of the further ones only.
         """
         new = object.__new__(Candidates)
-        new.stated, new.positive = self.stated, self.positive
+        new.stated, new.positive, new.apart = self.stated, self.positive, self.apart
         new._build(enumerate(variants), len(variants), 0, self._basis)
         new.owner = np.concatenate([self.owner, new.owner + self.count])
         new.variant = np.concatenate([self.variant, new.variant])
@@ -215,6 +216,10 @@ class Candidates:
         self._banned = self._banned | frozenset(members)
         banned = np.isin(self.owner, sorted(self._banned))
         self.penalty = np.where(banned, np.inf, self.penalty)
+
+    def allows(self, mask: int) -> bool:
+        """Whether a set of candidates, a bit each, may have all of them."""
+        return not any(mask & pair == pair for pair in self.apart)
 
     def _complete(
         self,

@@ -38,6 +38,12 @@ def candidates_of(case: Case) -> Candidates:
         pieces, len(case.effects), numbers, case.plain.basis, own, among, _stated(case), alone,
         positive,
     )  # fmt: skip
+    numbers_of = {e.id: j for j, e in enumerate(case.effects)}
+    found.apart = frozenset(
+        1 << j | 1 << numbers_of[other]
+        for j, e in enumerate(case.effects)
+        for other in e.instead_of
+    )
     if case.dependent:
         found.dependent = DEPENDENT_INCOMPLETE
     return _weighed(case, found)

@@ -121,6 +121,8 @@ class Effect:
         Whether it is named at a level of 1e-12: what a set-up seldom has wrong.
     level:
         Level at which it is named; 0: its share of the level of all candidates.
+    instead_of:
+        Ids of candidates that are not supposed together with it: it is several of them by one size.
     among:
         How many candidates it is one of, by which it has its share; 0: all of the model.
     stated:
@@ -142,6 +144,7 @@ class Effect:
     expected: bool = False
     rare: bool = False
     level: float = 0.0
+    instead_of: tuple[str, ...] = ()
     among: float = 0.0
     stated: Stated | None = None
     spread: Spread | None = None

@@ -148,6 +148,17 @@ Motion: TypeAlias = Callable[[MotionPose, Mapping[str, float]], Any]
 """Displacement of the tool relative to the work, machine frame, µm, shape (n, 3)."""
 
 
+@dataclass(frozen=True)
+class Together:
+    """Motion of several effects that have the same values."""
+
+    motions: tuple[Motion, ...]
+
+    def __call__(self, pose: MotionPose, values: Mapping[str, float]) -> Any:
+        """Sum of their displacements, µm, shape (n, 3)."""
+        return sum(motion(pose, values) for motion in self.motions)
+
+
 @runtime_checkable
 class Moving(Protocol):
     """A user's effect that moves the machine."""

@@ -34,7 +34,7 @@ from trunnion.diagnosis.of_some import OfSome
 from trunnion.diagnosis.one_effect import OneEffect
 from trunnion.diagnosis.scan import Dictionary
 from trunnion.diagnosis.whitening import Whiten, Whiteners
-from trunnion.machine.effects import Owner
+from trunnion.machine.effects import Owner, Together
 from trunnion.models.agreement import APART, LEVEL, effects_apart, errors_apart
 from trunnion.models.one_bar import Instruments, ScaleAlike
 from trunnion.models.parts import (
@@ -137,17 +137,20 @@ class JointModel(Model):
             if len(acts := self._acts[id_]) > 1:
                 made[id_] = replace(made[id_], label=acts[0].effect.label)
         self.apart: dict[str, tuple[str, str]] = {}  # which kind differs in what, by candidate
-        self.alike: ScaleAlike = (
-            instruments.scale_alike(self._acts) if before is None else before.alike
-        )
+        kinds = [part.kind for part in self.parts]
+        found = instruments.scale_alike(self._acts, kinds) if before is None else before.alike
+        self.alike: ScaleAlike = found
         if self.alike.axes:
             self._acts[self.alike.id] = self.alike.acts(self._acts)
-            first = made[f"scale_{self.alike.axes[0]}"]
-            made[self.alike.id] = self._effect(
-                self.alike.id, first.parameters, self.alike.label, first.owner
-            )
+            made[self.alike.id] = self._scale_alike([made[id_] for id_ in self.alike.scales])
         further = self._of_several(made) if before is None else self._kept(before)
         self.effects = with_odds((*made.values(), *further), self._acts, self.parts)
+
+    def _scale_alike(self, scales: Sequence[Effect]) -> Effect:
+        own = self._effect(self.alike.id, scales[0].parameters, self.alike.label, scales[0].owner)
+        motions = tuple(e.motion for e in scales if e.motion is not None)
+        moved = Together(motions) if motions else None
+        return replace(own, motion=moved, instead_of=self.alike.scales)
 
     def _of_several(self, made: Mapping[str, Effect]) -> Iterator[Effect]:
         """What several measurements may differ in."""
@@ -171,18 +174,13 @@ class JointModel(Model):
         own: Effect | None = None,
         level: float = 0.0,
     ) -> Effect:
-        bound = OneEffect(self, id_)
-        known = {} if own is None else {k: getattr(own, k) for k in ("motion", "least", "stated")}
-        return Effect(
-            id_,
-            parameters,
-            bound.change,
-            bound.jacobian,
-            label,
-            owner,
-            level=level,
-            **known,
-        )
+        own_fields = ("motion", "least", "stated")
+        known = {} if own is None else {k: getattr(own, k) for k in own_fields}
+        f = OneEffect(self, id_)
+        return Effect(id_, parameters, f.change, f.jacobian, label, owner, level=level, **known)
+
+    def _kinds(self, acts: Sequence[Acts]) -> set[str]:
+        return {self.parts[one.part].kind for one in acts}
 
     def ids_of_part(self, i: int) -> dict[str, str]:
         """What this model calls the effects of one part, by their ids there."""
@@ -205,7 +203,10 @@ class JointModel(Model):
                 yield self._effect(id_, (Parameter(f"change_{unit}", x.unit),), label, x.owner)
             for shared, acts in list(self._acts.items()):
                 effect = made[shared]
-                if not {before, i} <= {a.part for a in acts} or not effect.linear:
+                # All axes alike: only where both dates see several of them.
+                least = 2 if shared == self.alike.id else 1
+                seen = [sum(a.part == j for a in acts) for j in (before, i)]
+                if min(seen) < least or not effect.linear:
                     continue
                 id_ = f"{part.name}:change_{shared.rpartition(':')[2]}"
                 self._changes[id_] = Change(i, effect=shared)

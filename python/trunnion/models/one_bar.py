@@ -13,14 +13,14 @@ SAME_SIZE_MM = 0.5  # of instruments: nominal sizes that differ by less are one
 
 @dataclass(frozen=True)
 class ScaleAlike:
-    """One scale of all axes together, which looks like an instrument of another length.
+    """One scale of all axes, as a warm machine has it, or an instrument of another length.
 
     axes: Their letters; empty: it is no candidate.
-    has_standard: Whether something beside the instrument shows the scale of one of them.
+    of_one_kind: Whether one kind of measurement shows it, and its instrument could be wrong.
     """
 
     axes: str = ""
-    has_standard: bool = False
+    of_one_kind: bool = False
 
     @property
     def id(self) -> str:
@@ -33,15 +33,20 @@ class ScaleAlike:
         return f"scale of {' and '.join(self.axes.upper())} alike"
 
     @property
+    def scales(self) -> tuple[str, ...]:
+        """Ids of the scales that it is instead of."""
+        return tuple(f"scale_{axis}" for axis in self.axes)
+
+    @property
     def why_idle(self) -> str:
-        """Why a compensation leaves it out."""
-        if self.has_standard:
-            return "give it to the compensation as the scale of each of these axes"
+        """Why a compensation leaves it out; empty: it does not."""
+        if not self.of_one_kind:
+            return ""
         return "without a standard it cannot be distinguished from the length of the instrument"
 
     def acts(self, acting: Mapping[str, Sequence[Acts]]) -> list[Acts]:
         """How it acts on each part: as the scales do."""
-        return [one for a in self.axes for one in acting[f"scale_{a}"]]
+        return [one for id_ in self.scales for one in acting[id_]]
 
 
 @dataclass
@@ -66,16 +71,17 @@ class Instruments:
         self._known.append((part.kind, own.id, size, id_))
         return id_
 
-    def scale_alike(self, acting: Mapping[str, Sequence[Acts]]) -> ScaleAlike:
+    def scale_alike(self, acting: Mapping[str, Sequence[Acts]], kinds: Sequence[str]) -> ScaleAlike:
         """Return the scale of all axes together, if that is a candidate.
 
-        Only where several measurements are by one instrument, which is one cause beside a scale of
-        each axis, and where nothing else shows the scale of some axis.
+        It is one cause, as a wrong instrument is, where a scale of each axis would be several. Not
+        of one kind with an artefact for each date, which is not distinguished from it.
+
+        kinds: Of the parts.
         """
-        own = [acting[id_] for id_ in self.ids]
         axes = "".join(a for a in "xyz" if f"scale_{a}" in acting)
-        by = {one.part for acts in own for one in acts}
-        shown = [a for a in axes if any(one.part not in by for one in acting[f"scale_{a}"])]
-        if len(axes) < 2 or len(shown) == len(axes) or all(len(acts) == 1 for acts in own):
+        several = {kinds[one.part] for a in axes for one in acting[f"scale_{a}"]}
+        shared = any(len(acting[id_]) > 1 for id_ in self.ids)
+        if len(axes) < 2 or not (shared or len(several) > 1):
             return ScaleAlike()
-        return ScaleAlike(axes, bool(shown))
+        return ScaleAlike(axes, len(several) == 1)
