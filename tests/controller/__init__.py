@@ -31,7 +31,8 @@ HERE = Path(__file__).parent
 MODULES = Path("/usr/lib/linuxcnc/modules")
 INSIDE = "/mnt"
 """Where the folder of a run is in its namespace; any user may come there."""
-NAMESPACES = ("unshare", "--mount", "--ipc", "--net", "--pid", "--fork", "--mount-proc")
+NAMESPACES = ("unshare", "--mount", "--ipc", "--net", "--pid", "--kill-child", "--mount-proc")
+"""A run that is ended takes what it started with it: a controller that hangs stops the next one."""
 
 FloatArray = npt.NDArray[np.float64]
 
