@@ -262,7 +262,7 @@ class JointModel(Model):
         """Structure without a name: that of the parts, by the noise that these have."""
         return joined_dictionary(self, whiten, self.parts)
 
-    def _of_part(
+    def of_part(
         self, i: int, nuisance: Floats, effects: EffectValues
     ) -> tuple[Floats, dict[str, Values]]:
         """Nuisance and effects of one part."""
@@ -302,7 +302,7 @@ class JointModel(Model):
     def predict(self, nuisance: Floats, effects: EffectValues) -> Floats:
         """Return the readings of all parts, shape (n,)."""
         acting = {k: values for k, values in effects.items() if any(values.values())}
-        own = (p.predicted(*self._of_part(i, nuisance, acting)) for i, p in enumerate(self.parts))
+        own = (p.predicted(*self.of_part(i, nuisance, acting)) for i, p in enumerate(self.parts))
         return np.concatenate(list(own))
 
     def jacobian(self, nuisance: Floats, effects: EffectValues) -> Floats:
@@ -310,7 +310,7 @@ class JointModel(Model):
         out = np.zeros((len(self.readings), len(self.nuisance)))
         for i, part in enumerate(self.parts):
             at = self._at[i], self._index[i]
-            out[at] = part.model.jacobian(*self._of_part(i, nuisance, effects))
+            out[at] = part.model.jacobian(*self.of_part(i, nuisance, effects))
         return out
 
     def effect_jacobian(
@@ -453,7 +453,7 @@ class JointModel(Model):
         """Return the machine's errors, by the first measurement that has them."""
         out: dict[str, float] = {}
         for i, part in enumerate(self.parts):
-            out = {**part.model.location_errors(*self._of_part(i, nuisance, {})), **out}
+            out = {**part.model.location_errors(*self.of_part(i, nuisance, {})), **out}
         return {k: v for k, v in out.items() if k in {x.name for x in self.nuisance}}
 
     def extended(

@@ -397,7 +397,7 @@ def _of_several(data: Sequence[Any], setup: Any, effects: Sequence[EffectLike | 
         model = _joint(measured, setup, effects)
         given = {"setup": setup, "candidates": tuple(effects)}
         found = joined(with_contradictions(diagnose_model(model), model), model, measured, given)
-        found = with_mistakes_of_each(found, model.parts, measured, setup, _built)
+        found = with_mistakes_of_each(found, model, measured, setup, _built)
     frames = [one.control_frame if isinstance(one, Touches) else None for one in tables]
     said = (*frame_changes(frames, ("tool_length_mm",)), *taken_as_said(tables))
     return replace(found, notes=(*notes, *said, *found.notes))

@@ -18,11 +18,12 @@ from trunnion.data.positioning import Positioning
 from trunnion.data.rotary_test import RotaryTest
 from trunnion.data.touches import Touches
 from trunnion.data.turned import turn_doubts
+from trunnion.diagnosis.effect import EffectValues
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.plain import plain_fit
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.machine.sizes import LARGE_UM, SURE_SIGMAS, in_other_units
-from trunnion.models.parts import Part
+from trunnion.models.joint import JointModel
 from trunnion.models.several import Measured
 from trunnion.probing.mistakes import mistakes_named
 from trunnion.setup import Setup
@@ -31,6 +32,8 @@ OWN_RULES = (Touches, AxisLog, Positioning)
 """Kinds whose models say themselves what was mistaken."""
 
 MIN_FREEDOM = 5
+SURE_PROBABILITY = 0.95
+"""Of a named cause that no mistake is taken for."""
 MIN_OF_OVERHANG = 0.3
 """Of the overhang, that measured places of a part reach."""
 
@@ -81,23 +84,28 @@ def with_mistakes(found: Diagnosis, model: Any, data: Any, setup: Any, build: Bu
     """
     left = found.gain.rms_before_um, found.gain.rms_after_um
     unexplained = left if found.verdict == "unexplained" else None
-    mistakes = _mistakes(model, data, setup, build, unexplained)
+    mistakes = _mistakes(model, data, setup, build, unexplained, _sure_causes(found))
     own = (note for note in mistakes if note not in found.notes)
     return replace(found, mistakes=mistakes, notes=(*own, *found.notes))
 
 
 def with_mistakes_of_each(
-    found: Diagnosis, parts: Sequence[Part], measured: Sequence[Measured], setup: Any, build: Build
+    found: Diagnosis, model: JointModel, measured: Sequence[Measured], setup: Any, build: Build
 ) -> Diagnosis:
     """Return a joint diagnosis with what is likely mistaken about each of its measurements."""
-    said = {
-        part.name: _mistakes(part.model, one.data, setup, build, one.unexplained_rms)
-        for part, one in zip(parts, measured, strict=True)
-    }
+    sure, said = _sure_causes(found), {}
+    for i, (part, one) in enumerate(zip(model.parts, measured, strict=True)):
+        _, own = model.of_part(i, model.start, sure)
+        said[part.name] = _mistakes(part.model, one.data, setup, build, one.unexplained_rms, own)
     mistakes = of_each(said)
     named = {f"{name}: {text}" for name, texts in said.items() for text in texts}
     others = (note for note in found.notes if note not in named)
     return replace(found, mistakes=mistakes, notes=(*mistakes, *others))
+
+
+def _sure_causes(found: Diagnosis) -> EffectValues:
+    """Values of the named causes that are beyond doubt, by id."""
+    return {c.id: c.parameters for c in found.causes if c.probability >= SURE_PROBABILITY}
 
 
 def _mistakes(
@@ -106,14 +114,16 @@ def _mistakes(
     setup: Any,
     build: Build,
     unexplained: tuple[float, float] | None,
+    causes: EffectValues,
 ) -> tuple[str, ...]:
     """Say what is likely mistaken about data that were diagnosed, alone or with others.
 
     model: What they were diagnosed by; that of touches knows it.
     unexplained: Rms of what the plain model and the causes leave, if no cause explains the data.
+    causes: Of these data, beyond doubt.
     """
     if isinstance(data, Touches):
-        return tuple(model.remarks)
+        return tuple(model.mistakes(causes))
     said = [*size_notes(data)]
     if isinstance(data, RotaryTest) and isinstance(setup, Setup):
         said += _far_places(model, setup)

@@ -33,6 +33,7 @@ from trunnion.machine.geometry import made_with
 from trunnion.models.warming import settled
 from trunnion.probing.identify import mistakes_in
 from trunnion.probing.inputs import inputs_of, stated_of, turning
+from trunnion.probing.lateness import DELAYS
 from trunnion.probing.model import (
     UNKNOWN_TICK,
     TouchModel,
@@ -149,10 +150,12 @@ class TouchDiagnosisModel(Model):
 
     # --- the model
 
-    @cached_property
-    def remarks(self) -> tuple[str, ...]:
-        """Likely mistakes of the measurement."""
-        return mistakes_in(self._model(()), self.data, self._moves)
+    def mistakes(self, causes: EffectValues) -> tuple[str, ...]:
+        """Likely mistakes of the measurement, beside what these causes change."""
+        known = [e for e in self.effects if e.id in causes and e.id not in DELAYS]
+        own = [self.effect_jacobian(self.start, e, causes[e.id]) for e in known]
+        beside = np.hstack([np.empty((len(self.data), 0)), *own])
+        return mistakes_in(self._model(()), self.data, self._moves, beside)
 
     @property
     def start(self) -> Floats:

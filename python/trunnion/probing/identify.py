@@ -114,12 +114,15 @@ def identify(
     return estimated(data, setup, fit)
 
 
-def mistakes_in(model: TouchModel, data: Touches, moves: Moves) -> tuple[str, ...]:
+def mistakes_in(
+    model: TouchModel, data: Touches, moves: Moves, beside: Floats | None = None
+) -> tuple[str, ...]:
     """Return the notes on likely mistakes that :func:`identify` gives, without the rest of it.
 
     Too few of them for the plain model say what shows without its estimates.
 
-    model: Of the set-up, without effects. moves: The touches, as the core knows them.
+    model: Of the set-up, without effects. moves: The touches, as the core knows them. beside: How
+    causes that are known of change the touches, (n, k).
     """
     if len(data) < len(model.names):
         model.core.residuals(moves, model.values())
@@ -127,7 +130,7 @@ def mistakes_in(model: TouchModel, data: Touches, moves: Moves) -> tuple[str, ..
     how = Loss(None, known_sigma_um(model.setup, data), _priors(model.names, {}))
     found = _by_the_core(model, moves, how, MAX_STEPS)
     result = _result(model, data, (), found, None)
-    return likely_mistakes(result, data, model, moves)
+    return likely_mistakes(result, data, model, moves, beside)
 
 
 def mistakes_of(data: Touches, setup: Setup) -> tuple[str, ...]:

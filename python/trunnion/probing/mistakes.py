@@ -13,6 +13,7 @@ import numpy as np
 
 from trunnion._core import Moves
 from trunnion.base.errors import DataError
+from trunnion.base.units import Floats
 from trunnion.data.meant import some_rows
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
@@ -47,16 +48,22 @@ PLANNED = (
 
 
 def likely_mistakes(
-    result: IdentificationResult, data: Touches, model: TouchModel, moves: Moves
+    result: IdentificationResult,
+    data: Touches,
+    model: TouchModel,
+    moves: Moves,
+    beside: Floats | None = None,
 ) -> tuple[str, ...]:
     """Name what is likely wrong with a measurement that gives this result.
 
-    model: Of the set-up, without effects. moves: The touches, as it knows them.
+    model: Of the set-up, without effects. moves: The touches, as it knows them. beside: How causes
+    that are known of change the touches, (n, k).
     """
     setup, said = model.setup, []
+    beside = np.empty((len(data), 0)) if beside is None else beside
     near = model.values(result.errors, result.placement)
     by_sight = seen_at_once(data, model, moves)
-    of_ticks = [] if PLANNED in by_sight else tick_mistakes(data, model, moves, near)
+    of_ticks = [] if PLANNED in by_sight else tick_mistakes(data, model, moves, near, beside)
     if of_ticks and np.any(ticks_um(setup, data)):  # half of a wrong one is in all the rest
         return (*by_sight, *of_ticks)
     if result.rms_um > NO_PROBE_UM:

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.special import fdtrc
 
 from trunnion._core import Moves
-from trunnion.base.errors import TrunnionError
 from trunnion.base.recognition import on_grid, recognised
-from trunnion.base.rounded import log_of
-from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
-from trunnion.machine.sizes import SURE_SIGMAS
+from trunnion.probing.lateness import SAME_SIZE, Late, lateness
 from trunnion.probing.model import TouchModel, rounding_um, steps_um, ticks_um
 from trunnion.probing.recorded import (
     count_of_lines,
@@ -29,16 +24,8 @@ from trunnion.setup import Setup
 FAR_LESS = 0.25
 """Of the errors of rounding: what readings recorded in a step scatter by at least."""
 
-MIN_ROUNDED = 24
-"""Touches from which on their scatter tells whether they are rounded."""
-
-SAME_SIZE = 0.25
-
 SURE_LOG = float(np.log(1e3))
 """Of odds of two ticks, from which the scatter of touches says which of them it is."""
-
-NOISES = np.geomspace(0.02, 1.5, 30)
-"""Noise beside the rounding that is tried, of the scatter."""
 
 OTHER_SIZE = 1.5
 """Times a tick, from which a fit distinguishes another by what it leaves of errors of rounding."""
@@ -46,27 +33,21 @@ OTHER_SIZE = 1.5
 DOUBT_SIGMAS = 3.0
 """Of rounding alike along each line, that touches are late by at least."""
 
-AS_NONE = 0.01
-"""Of the stated tick: one so fine acts as none."""
-
-MIN_TICK = 0.05
-"""Of the noise, below which a tick makes no difference to it."""
-
 MIN_OFF = 5
 """Degrees of freedom of ways from which on they tell that they are in no steps."""
 
 MAX_CHANCE = 1e-6
 """That ways in the steps of a stated tick are off them as far."""
 
-MIN_UM = 1e-6
-"""Scatter that exact readings are taken to have."""
 
-
-def tick_mistakes(data: Touches, plain: TouchModel, moves: Moves, near: Floats) -> list[str]:
+def tick_mistakes(
+    data: Touches, plain: TouchModel, moves: Moves, near: Floats, beside: Floats
+) -> list[str]:
     """Name a tick that the touches show and nobody stated, or that is stated and not there.
 
     plain: The model without effects. moves: The touches, as it knows them. near: Values of its
-    parameters that fit them to first order, (p,).
+    parameters that fit them to first order, (p,). beside: How else they change, by causes that are
+    known of, (n, k).
     """
     stated, commands = plain.setup.probe.servo_period_ms, plain.setup.resolution.linear_um
     steps, ticks = steps_um(plain.setup, data), ticks_um(plain.setup, data)
@@ -80,7 +61,7 @@ def tick_mistakes(data: Touches, plain: TouchModel, moves: Moves, near: Floats) 
             f"{_as_feeds(period)}, and touches are {period / 2:.3g} ms late on average, which "
             f"looks like a delay of the trigger: state probe.servo_period_ms = {period:.3g}."
         ]
-    fit = _late(data, plain, moves, near)
+    fit = lateness(data, plain, moves, near, beside)
     if fit is None:
         return []
     off = np.asarray(plain.core.residuals(moves, plain.values()))
@@ -99,7 +80,7 @@ def _as_feeds(period_ms: float) -> str:
     )
 
 
-def _finer_than_stated(data: Touches, setup: Setup, fit: _Late, off: Floats) -> list[str]:
+def _finer_than_stated(data: Touches, setup: Setup, fit: Late, off: Floats) -> list[str]:
     """Say where readings scatter far less than a stated resolution allows, and lie on no grid.
 
     off: Readings less those of the machine of the set-up, µm, (n,).
@@ -115,7 +96,7 @@ def _finer_than_stated(data: Touches, setup: Setup, fit: _Late, off: Floats) -> 
     ]
 
 
-def _between_looks(data: Touches, setup: Setup, fit: _Late) -> list[str]:
+def _between_looks(data: Touches, setup: Setup, fit: Late) -> list[str]:
     """Say where the ways from the starts are no multiples of the stated tick, with what is.
 
     What a control adds to the looks of its clock, a scale's noise or the digits of a file, is in
@@ -142,7 +123,7 @@ def _between_looks(data: Touches, setup: Setup, fit: _Late) -> list[str]:
     ]
 
 
-def _late_by_half_a_tick(data: Touches, setup: Setup, fit: _Late, off: Floats) -> list[str]:
+def _late_by_half_a_tick(data: Touches, setup: Setup, fit: Late, off: Floats) -> list[str]:
     """Say where touches are late by half of a tick that their scatter allows.
 
     Of a stated tick, by half of what it is wrong by. A delay of the trigger and a wrong period make
@@ -150,7 +131,7 @@ def _late_by_half_a_tick(data: Touches, setup: Setup, fit: _Late, off: Floats) -
 
     off: Readings less those of the machine of the set-up, µm, (n,).
     """
-    if abs(fit.late) < SURE_SIGMAS * fit.std:
+    if not fit.is_sure:
         return []
     stated = ticks_um(setup, data)
     ticks = fit.ticks(stated, data)
@@ -187,14 +168,14 @@ def _near(ticks: Floats, stated: Floats) -> bool:
     return bool(np.any(most < OTHER_SIZE * least))
 
 
-def _beyond_rounding(data: Touches, fit: _Late, stated: Floats) -> bool:
+def _beyond_rounding(data: Touches, fit: Late, stated: Floats) -> bool:
     """Whether touches are later than those that all round alike along each line would be."""
     lines = count_of_lines(data, stated)
     by_rounding = DOUBT_SIGMAS * float(np.sqrt(np.mean(stated**2) / 12 / lines))
     return float(np.max(np.abs(fit.ticks(stated, data) - stated))) / 2 > by_rounding
 
 
-def _no_tick_stated(fit: _Late, *, sure: bool) -> str:
+def _no_tick_stated(fit: Late, *, sure: bool) -> str:
     """Say that the touches are late as a tick makes them that nothing states."""
     late = fit.late
     if fit.is_delay:
@@ -215,7 +196,7 @@ def _no_tick_stated(fit: _Late, *, sure: bool) -> str:
     )
 
 
-def _another_tick(data: Touches, setup: Setup, fit: _Late, ticks: Floats, *, sure: bool) -> str:
+def _another_tick(data: Touches, setup: Setup, fit: Late, ticks: Floats, *, sure: bool) -> str:
     """Say that the tick is another than stated, ``ticks`` (n,), µm; 0: latched; or may be."""
     key, given, unit = _stated_as(setup)
     size, stated = _size(ticks, setup, data), ticks_um(setup, data)
@@ -264,92 +245,3 @@ def _on_grid(data: Touches, steps: Floats, off: Floats) -> bool:
     return bool(np.all(steps > 0)) and any(
         on_grid(v / steps, 1.0) for v in (*recorded_um(data), *coordinates, off)
     )
-
-
-@dataclass(frozen=True)
-class _Late:
-    """How late touches are on average, ms or µm, and what a fit with it leaves, by freedom.
-
-    before_um: What a fit without it leaves, rms.
-    """
-
-    late: float
-    std: float
-    is_delay: bool
-    residuals_um: Floats
-    freedom: int
-    before_um: float
-
-    @property
-    def scatter_um(self) -> float:
-        """Root of the mean square of what is left."""
-        return max(float(np.sqrt(np.mean(self.residuals_um**2))), MIN_UM)
-
-    def ticks(self, stated: Floats, data: Touches) -> Floats:
-        """Ticks (n,), µm, of which touches are half of one late beyond half of the stated one."""
-        return np.asarray(stated + 2 * self.late * self._way_of(data))
-
-    def as_latched(self, ticks: Floats, stated: Floats, data: Touches) -> bool:
-        """Whether such ticks are none within their uncertainty, or as good as none."""
-        least = 2 * SURE_SIGMAS * self.std * self._way_of(data)
-        return bool(np.all(np.abs(ticks) <= np.maximum(least, AS_NONE * stated)))
-
-    def is_of(self, ticks: Floats) -> bool:
-        """Whether what is left is as large as errors of rounding to ticks (n,), µm."""
-        if not ticks.min() > 0:
-            return False
-        size = float(np.sqrt(12 * np.mean((self.residuals_um / ticks) ** 2)))
-        return abs(size - 1) <= SAME_SIZE
-
-    def gain(self, ticks: Floats, stated: Floats) -> float:
-        """Logarithm of how many times more probable what is left is with ticks than as stated.
-
-        Each with the noise with which it is most.
-        """
-        return self._log(ticks) - self._log(stated)
-
-    def _log(self, ticks: Floats) -> float:
-        """Logarithm of the probability of errors of rounding to ticks (n,), µm, and of noise."""
-        left, found = self.residuals_um, []
-        for noise in self.scatter_um * NOISES:
-            step = np.maximum(ticks, MIN_TICK * noise)
-            found.append(log_of(left, step, float(noise)) - float(np.log(step).sum()))
-        return max(found)
-
-    def _way_of(self, data: Touches) -> Floats:
-        """How far the ball moves in one of the unit of `late`, µm, (n,)."""
-        feed = data.feed_mm_min
-        return np.asarray(feed) / 60 if self.is_delay else np.ones(len(data))
-
-
-def _late(data: Touches, plain: TouchModel, moves: Moves, near: Floats) -> _Late | None:
-    """Fit by how much touches are late, weighed by their scatter; None: too few touches, or off."""
-    feed = data.feed_mm_min
-    is_delay = feed is not None and len(np.unique(feed)) > 1
-    effect = "trigger_delay" if is_delay else "probe_radius"
-    try:
-        model = TouchModel(plain.setup, (effect,), chain=plain.chain)
-        off, jacobian = model.core.linearise(moves, np.append(near, 0.0))
-    except TrunnionError:
-        return None
-    # What one more cause changes is linear: the touches are fitted without it.
-    fit = linear_fit(jacobian, off)
-    freedom = len(data) - fit.rank
-    if freedom < MIN_ROUNDED or fit.not_identifiable[-1]:
-        return None
-    size = np.ones(len(data))
-    if is_delay:  # rounding to ticks, and so the scatter, may be as the feed
-        left = off - jacobian @ fit.solution
-        size = _by_feed(left, np.asarray(feed))
-        fit = linear_fit(jacobian / size[:, None], off / size)
-    rms_um = float(np.sqrt(np.mean(off**2)))
-    left = (off - jacobian @ fit.solution) * np.sqrt(len(data) / freedom)
-    value, std = float(fit.solution[-1]), float(fit.std[-1] * np.sqrt(np.mean((left / size) ** 2)))
-    return _Late(value if is_delay else -value, std, is_delay, left, freedom, rms_um)
-
-
-def _by_feed(left: Floats, feed: Floats) -> Floats:
-    """Scatter (rms) of what is left at the feed of each touch, (n,)."""
-    _, label = np.unique(feed, return_inverse=True)
-    squares = np.bincount(label, left**2) / np.bincount(label)
-    return np.asarray(np.maximum(np.sqrt(squares), MIN_UM)[label])
