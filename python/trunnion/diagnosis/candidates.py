@@ -204,6 +204,7 @@ class Candidates:
         new._gram_rows, new._inner_products = {}, Among()  # blocks have other numbers
         new._lengths = {j: length for j, length in self._lengths.items() if j not in further}
         new._price(None)
+        new.ban(self._banned)
         return new
 
     def inflate(self, factor: Floats) -> None:

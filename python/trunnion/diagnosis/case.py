@@ -23,7 +23,7 @@ from trunnion.base.rounded import Place, rounds_to_all
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import Candidates
-from trunnion.diagnosis.candidates_of import candidates_of, with_places
+from trunnion.diagnosis.candidates_of import candidates_of
 from trunnion.diagnosis.cross_validation import cross_validated
 from trunnion.diagnosis.dependence import growth as growth_by_dependence
 from trunnion.diagnosis.dependence import growth_apart
@@ -31,7 +31,6 @@ from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.fit import Fit, Flags, fit
 from trunnion.diagnosis.linearised import Linearised
 from trunnion.diagnosis.model import Model
-from trunnion.diagnosis.nearer import nearer
 from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.outliers import Sizes
 from trunnion.diagnosis.records import rms
@@ -107,11 +106,8 @@ class Case:
 
     @cached_property
     def candidates(self) -> Candidates:
-        """The candidates beside the plain fit, some at further places (:mod:`.nearer`)."""
-        found = candidates_of(self)
-        if further := nearer(self, found):
-            found = with_places(self, found, further)
-        return found
+        """The candidates beside the plain fit, once searched at further places (:mod:`.nearer`)."""
+        return candidates_of(self)
 
     def std(self, effect: Effect, f: Fit, variance: float) -> Floats:
         """Standard errors of an effect's parameters; ``variance``: of a whitened reading."""

@@ -14,6 +14,7 @@ from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.explanation import Explanation, Sets
 from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.in_steps import by_probability, chance_as_read
+from trunnion.diagnosis.nearer import search_between
 from trunnion.diagnosis.part_of_wander import part_of_wander
 from trunnion.diagnosis.probability import NEAR_ODDS, Behind, Beside, Only, Probabilities
 from trunnion.diagnosis.processes import processes
@@ -70,7 +71,7 @@ def exactly(case: Case) -> Explanation | None:
     """Explain data without noise; None: they have noise, or no set leaves next to nothing."""
     if _sound(case) or case.dependent:
         return None
-    top = search(case.candidates, case.plain.white, floor=case.floor).top
+    top = search_between(case).top
     left = top.rss
     if FEW_LEFT**2 * case.plain.rss > left:
         left = min(left, _fit_set(case, case.candidates, top).rss)
@@ -157,8 +158,8 @@ def _fit_members(case: Case, members: dict[int, int]) -> Fit:
 
 def _explained(case: Case) -> Explanation:
     """Find the sets of causes by the noise that they leave."""
-    plain, candidates = case.plain, case.candidates
     chances, extended, alarm_cause = _demanded(case)
+    plain, candidates = case.plain, case.candidates
     top, named = chances.search.top, chances.likeliest
     demanded = extended is not plain
     best = named[0] if demanded else chances.search.nothing
@@ -233,10 +234,10 @@ def _demanded(case: Case) -> tuple[Probabilities, Fit, Alarm]:
     where the plain model does not explain the readings about as well as they do. An effect that
     nothing determines when its set is fitted exactly is no cause: the search is repeated without.
     """
-    plain, candidates = case.plain, case.candidates
     # Which readings to leave out is a choice of its own, and takes half of the level.
     level = CAUSE_LEVEL if case.complete else CAUSE_LEVEL / 2
-    first = search(candidates, plain.white, floor=case.floor)
+    first = search_between(case)
+    plain, candidates = case.plain, case.candidates
     while True:
         alarm = Alarm.of_causes(case)
         searched = by_probability(case, first)
@@ -333,7 +334,7 @@ def _share(case: Case, f: Fit, effect: Effect, wald: float) -> float:
 
 def best_score(case: Case) -> float:
     """Score of the best causes, or of the best term."""
-    found = search(case.candidates, case.plain.white, floor=case.floor)
+    found = search_between(case)
     return min(found.top.score, one_term_score(case, case.plain))
 
 

@@ -2,92 +2,137 @@
 
 A grid of time constants is close enough for a cause of a few times the noise. What is left of one
 of a hundred times the noise at the nearest place of the grid looks like outliers, or like further
-causes.
+causes. Where it explains most by itself is not where it does beside the causes that act with it: a
+wave beside a scale is sought beside the scale, or a curve takes the place of both.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from trunnion.base.statistics import MANY_ROWS
-from trunnion.base.units import Floats
-from trunnion.diagnosis.effect import Effect, Parameter, Values
-from trunnion.diagnosis.gains import gains_beside
-from trunnion.diagnosis.grid import best_place
-from trunnion.diagnosis.linearised import affine
+from trunnion.base.units import Floats, Integers
+from trunnion.diagnosis.along import MIN_PLACES, Along, Beside, of_ratios
+from trunnion.diagnosis.candidates_of import with_places
+from trunnion.diagnosis.effect import Values
+from trunnion.diagnosis.selection import WITHIN, Search, search
 
 if TYPE_CHECKING:
     from trunnion.diagnosis.candidates import Candidates
     from trunnion.diagnosis.case import Case
 
-LOST = 0.5  # of -2 ln L, that a grid may lose of what a candidate explains by itself
-TINY = 1e-300
+LOST = 0.5  # of -2 ln L, that a grid may lose of what a candidate explains
+LARGE = 30.0  # of -2 ln L, a gain of which a grid may miss what decides between causes
+COMPANIES = 4  # best sets, beside whose causes places are sought
+MAX_ROUNDS = 3
 
 
-def nearer(case: Case, c: Candidates) -> dict[int, Values]:
-    """Places of candidates that their grids miss, by the candidate's number; linear values 0.
+def search_between(case: Case) -> Search:
+    """Search the sets of causes of a case, at places that are best beside the others of a set.
 
-    ``c``: the candidates of the case at the places of their grids.
+    The candidates of the case have these places from then on.
     """
-    r = case.plain.white
-    if len(r) >= MANY_ROWS or case.dependent:
-        return {}
-    found: dict[int, Values] = {}
-    gains = c.gains(r)
-    seen = _lost(case, 0.0, gains) > c.chance
-    for j in np.unique(c.owner[seen]).tolist():
-        effect = case.effects[j]
-        free = [p for p in effect.parameters if not p.linear]
-        blocks = np.flatnonzero(c.owner == j)
-        if len(free) != 1 or len(blocks) < 3 or affine(effect):
+    white, floor = case.plain.white, case.floor
+    s = search(case.candidates, white, floor=floor)
+    for _ in range(MAX_ROUNDS if _sought(case) else 0):
+        further = _beside_others(case, s)
+        if not further:
+            break
+        case.candidates = with_places(case, case.candidates, further)
+        case.fits.clear()
+        s = search(case.candidates, white, floor=floor)
+    return s
+
+
+def _sought(case: Case) -> bool:
+    """Whether places between those of grids are sought."""
+    return len(case.plain.white) < MANY_ROWS and not case.dependent
+
+
+def _beside(case: Case, c: Candidates, blocks: Sequence[int]) -> Beside:
+    """What blocks of candidates and the nuisance leave."""
+    start, basis, r = case.plain.nuisance, case.plain.basis, case.plain.white
+    if not blocks:
+        return Beside(start, basis, r)
+    columns = np.concatenate([c.columns(b) for b in blocks]).T
+    own = np.linalg.qr(columns.astype(np.float64))[0]
+    return Beside(start, np.concatenate([basis, own], axis=1), r - own @ (own.T @ r))
+
+
+def _beside_others(case: Case, s: Search) -> dict[int, Values]:
+    """Places of candidates that are better beside others than those of a search, by their number.
+
+    A place is left only for one at which the sets that the candidate is in are better.
+    """
+    c, found = s.c, dict[int, Values]()
+    scores = _of_further(case, s)
+    for rest, known, near in _companies(s):
+        j = s.owner[near[0]]
+        free = of_ratios(case.effects[j])
+        if free is None:
             continue
-        values = [case.values[j][v] for v in c.variant[blocks]]
-        own = gains[blocks]
-        best = int(np.argmax(own))
-        around = (values[max(best - 1, 0)], values[best], values[min(best + 1, len(own) - 1)])
-        if min(v[free[0].name] for v in around) <= 0.0:  # no time, no length
-            continue
-        if _lost(case, own[best], _peak(own, best)) > LOST:
-            gain, there = _best(case, effect, free[0], around)
-            if _lost(case, own[best], gain) > LOST:
-                found[j] = there
+        about = [case.values[j][v][free.name] for v in c.variant[near].tolist()]
+        along = Along.of(case, case.effects[j], free, _beside(case, c, rest), about)
+        together, rss = [*rest, int(near[0])], along.beside.rss
+        size, penalty = int(c.rank[together].sum()), float(c.penalty[together].sum())
+        worst = min(s.best + WITHIN, float(s.score(rss - known, size, penalty)) - LOST)
+        for top, most in zip(*along.peaks(), strict=True):
+            worst = min(worst, scores.get(j, np.inf))
+            if s.score(rss - most, size, penalty) <= worst:
+                gain, place = along.best_about(top)
+                score = float(s.score(rss - gain, size, penalty))
+                # Beyond a grid nothing is supposed of it, unless nothing else explains as much.
+                if score <= (worst if along.on_grid(place) else min(worst, s.best - LOST)):
+                    found[j], scores[j] = along.values(place), score
     return found
 
 
-def _lost(case: Case, at: float, most: Floats | float) -> Floats:
-    """-2 ln L of a gain above that of the most that can be gained."""
-    rss, dof, deviance = case.plain.rss, case.plain.dof, case.floor.deviance
-    left = np.maximum(rss - np.asarray(most), TINY)
-    return np.asarray(deviance(max(rss - at, TINY), dof) - deviance(left, dof))
+def _of_further(case: Case, s: Search) -> dict[int, float]:
+    """Scores that sets with another place of a candidate have to reach, by its number.
+
+    Those of the sets with its place that is not of its grid.
+    """
+    scores: dict[int, float] = {}
+    for f in s.found:
+        for b in f.blocks:
+            j = s.owner[b]
+            if case.values[j][int(s.c.variant[b])] is case.linearised.further.get(j):
+                scores[j] = min(f.score - LOST, scores.get(j, np.inf))
+    return scores
 
 
-def _peak(gains: Floats, best: int) -> float:
-    """Most of a parabola about the best of some gains; at an end as much more as to its inside."""
-    at = float(gains[best])
-    if best in (0, len(gains) - 1):
-        return at + abs(at - float(gains[1 if best == 0 else -2]))
-    before, after = float(gains[best - 1]), float(gains[best + 1])
-    curved = 2 * at - before - after
-    return at + (after - before) ** 2 / (8 * curved) if curved > 0 else at
+def _companies(s: Search) -> Iterator[tuple[tuple[int, ...], float, Integers]]:
+    """Blocks beside which a candidate may explain what is left, its gain, and those of its blocks.
+
+    About which it may gain enough; all of them, if it is in the set. Beside the best sets, and
+    these without one cause: that which takes the place of what is missed at places of the grid.
+    """
+    c, seen = s.c, set[tuple[frozenset[int], int]]()
+    several = np.bincount(c.owner, minlength=c.count)[c.owner] >= MIN_PLACES
+    without = ((f.blocks, k) for f in s.found[:COMPANIES] for k in (None, *f.blocks))
+    for rest in dict.fromkeys(tuple(b for b in blocks if b != k) for blocks, k in without):
+        for one in (None, *(b for b in rest if several[b])):
+            others = tuple(b for b in rest if b != one)
+            rss, gains = s.gains_beside(others, range(len(c.owner)))
+            size, penalty = c.rank[list(others)].sum(), c.penalty[list(others)].sum()
+            most = gains + _above_neighbours(c.owner, gains)
+            reached = s.score(rss - most, size + c.rank, penalty + c.penalty)
+            own = c.owner == (-1 if one is None else s.owner[one])
+            near = np.flatnonzero(several & ((reached <= s.best + WITHIN) | own))
+            for j in np.setdiff1d(c.owner[near], c.owner[list(others)]).tolist():
+                known = float(gains[c.owner == j].max())
+                large = s.score(rss, 0, 0.0) - s.score(rss - known, 0, 0.0) > LARGE
+                if large and (key := (frozenset(others), j)) not in seen:
+                    seen.add(key)
+                    yield others, known, near[c.owner[near] == j]
 
 
-def _best(
-    case: Case, effect: Effect, free: Parameter, around: tuple[Values, Values, Values]
-) -> tuple[float, Values]:
-    """Most gain between the neighbours of a place, or a step beyond the last; and where."""
-    low, at, high = sorted(v[free.name] for v in around)
-    low, high = (at**2 / high if low == at else low), (at**2 / low if high == at else high)
-    plain = case.plain
-
-    def values(place: float) -> Values:
-        return Values({**around[1], free.name: float(np.clip(place, *free.bounds))})
-
-    def gains(places: Floats) -> Floats:
-        every = [values(place) for place in places.tolist()]
-        white = case.model.white_columns(plain.nuisance, effect, every, case.whiten)
-        return gains_beside(white[:, case.rows], plain.basis, plain.white)
-
-    there = best_place(gains, (low, at, high))
-    return float(gains(np.array([there]))[0]), values(there)
+def _above_neighbours(owner: Integers, gains: Floats) -> Floats:
+    """How much more the gain of each block is than the lower one of its candidate's neighbours."""
+    same = np.append(owner[1:] == owner[:-1], False)
+    before = np.where(np.append(False, same[:-1]), np.append(0.0, gains[:-1]), gains)
+    after = np.where(same, np.append(gains[1:], 0.0), gains)
+    return np.asarray(gains - np.minimum(np.minimum(before, after), gains))
