@@ -74,3 +74,26 @@ def test_the_place_of_a_kink_below_a_level_lies_within_its_uncertainty() -> None
         inside += abs(kink.parameters["at_mm"] - joint) < 2 * std[-1]
     assert kept(inside, runs, COVERED)
     assert np.median(std) < 5.0
+
+
+def test_standard_errors_of_a_pitch_cover_another_one_that_fits_about_as_well() -> None:
+    """The one said was up to 25 standard errors off."""
+    off: list[float] = []
+    for seed in range(100):
+        rng = np.random.default_rng([seed, 53])
+        a, b = rng.uniform(0.3, 0.6, 2) * rng.choice([-1, 1], 2)
+        pitch, sense = rng.uniform(8.0, 16.0), np.repeat([1, -1], 90)
+        turn = np.radians(1.0 + 4.0 * np.concatenate([np.arange(90), np.arange(90)[::-1]]))
+        x, y = 100.0 * np.cos(turn), 100.0 * np.sin(turn)
+        wave = a * np.cos(2 * np.pi * x / pitch) + b * np.sin(2 * np.pi * x / pitch)
+        length = 100.0 + 1e-3 * (np.cos(turn) * wave + rng.normal(0.0, 0.6, 180))
+        columns = {"x_mm": x, "y_mm": y, "z_mm": 0.0 * x, "length_mm": length, "sense": sense}
+        setup = np.ones(180, dtype=int)
+        found = tn.diagnose(tn.Ballbar({"setup": setup, **columns})).causes
+        off += [
+            (c.parameters["pitch_mm"] - pitch) / c.std_errors["pitch_mm"]
+            for c in found
+            if c.id == "cyclic_x"
+        ]
+    assert len(off) > 80
+    assert np.max(np.abs(off)) < 5.0

@@ -1,9 +1,12 @@
-"""How well the moment of a slip or the place of a kink is known.
+"""How well the moment of a slip, the place of a kink or one pitch among several is known.
 
 Between two readings nothing changes with it, so that it has no derivative and no standard error by
 the covariance of a fit. Its probability is exp(-RSS / 2 variance) at each value, beforehand alike
 everywhere (Hinkley 1970, Inference about the change-point in a sequence of random variables,
 Biometrika 57): flat between two readings.
+
+A covariance knows one optimum. Where a wave of another pitch, sampled at the same places, explains
+about as well, each has the probability of its likelihood, beforehand alike.
 """
 
 from collections.abc import Callable
@@ -13,6 +16,7 @@ import numpy as np
 
 from trunnion.base.statistics import MANY_ROWS, Spanned, linear_fit, spanned
 from trunnion.base.units import Floats
+from trunnion.diagnosis.along import Along, Beside, of_ratios
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.fit import Fit
@@ -20,6 +24,7 @@ from trunnion.diagnosis.gains import gains_at
 
 TRIALS = 128  # values that are tried near the one found
 NEGLIGIBLE = 24.0  # of -2 ln L above the best: a probability of 6e-6 of it
+APART = 5.0  # standard errors, from which on an optimum is another one
 DETERMINED = 0.5  # times the spread if it could be anywhere: above, the readings do not tell
 
 
@@ -57,17 +62,59 @@ def moment_errors(case: Case, effect: Effect, f: Fit, variance: float) -> dict[s
     return {name: std for name, std in found.items() if np.isfinite(std)}
 
 
+def other_optima(case: Case, effect: Effect, f: Fit, variance: float) -> dict[str, float]:
+    """Return how far parameters of an effect are off if another optimum is the right one.
+
+    Root of the mean square over all optima of its one parameter on a scale of ratios, by name;
+    nothing where there is no other one to speak of. ``variance``: of a whitened reading.
+    """
+    free = of_ratios(effect)
+    if free is None or len(case.rows) >= MANY_ROWS or variance <= 0:
+        return {}
+    own = case.columns_of(effect, f)
+    fitted = np.array([f.effects[effect.id][p.name] for p in effect.parameters])
+    linear = [i for i, p in enumerate(effect.parameters) if p.linear]
+    at = effect.parameters.index(free)
+    if not f.jacobian[:, own[at]].any():  # a moment
+        return {}
+    y = case.white(f.residuals + f.jacobian[:, own][:, linear] @ fitted[linear])
+    basis, y = _beside_few(case, f, own, y)
+    along = Along.of(case, effect, free, Beside(f.nuisance, basis, y), free.grid)
+    found, near = along.at(fitted[[at]])[0], APART * case.std(effect, f, variance)[at]
+    squares, weights = np.zeros(len(fitted)), 1.0
+    seen = [fitted[at]]
+    for top, most in zip(*along.peaks(), strict=True):
+        if most < found - NEGLIGIBLE * variance:
+            break
+        gain, place = along.best_about(top)
+        if gain < found - NEGLIGIBLE * variance or np.min(np.abs(np.subtract(seen, place))) <= near:
+            continue
+        seen.append(place)
+        there = np.zeros(len(fitted))
+        there[at] = place
+        there[linear] = along.sizes(place)
+        weight = np.exp(min(gain - found, 0.0) / (2.0 * variance))
+        squares, weights = squares + weight * (there - fitted) ** 2, weights + weight
+    off = np.sqrt(squares / weights)
+    return {p.name: float(x) for p, x in zip(effect.parameters, off, strict=True) if x > 0}
+
+
 def _beside(case: Case, f: Fit, own: list[int], y: Floats) -> tuple[Floats | Spanned, Floats]:
     """Orthonormal basis of all columns of a fit but some, and what it leaves of y."""
     if len(y) < MANY_ROWS:
-        others = case.white(np.delete(f.jacobian, own, axis=1))
-        basis = linear_fit(others, np.zeros(len(others)), basis=True).basis
-        return basis, y - basis @ (basis.T @ y)
+        return _beside_few(case, f, own, y)
     every = case.white(f.jacobian)
     hold = np.zeros(every.shape[1], dtype=bool)
     hold[own] = True
     found = spanned(every, y, hold)
     return found, found.left(y)
+
+
+def _beside_few(case: Case, f: Fit, own: list[int], y: Floats) -> tuple[Floats, Floats]:
+    """Return the same of few rows."""
+    others = case.white(np.delete(f.jacobian, own, axis=1))
+    basis = linear_fit(others, np.zeros(len(others)), basis=True).basis
+    return basis, y - basis @ (basis.T @ y)
 
 
 def _spread(fitted: float, grid: Floats, gains: Callable[[Floats], Floats]) -> float:

@@ -12,13 +12,13 @@ from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case, kept_rows
 from trunnion.diagnosis.contributions import contributions_of
 from trunnion.diagnosis.doubt import Doubt
-from trunnion.diagnosis.effect import Values
+from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.explain import MIN_EXPLAINED, with_behind
 from trunnion.diagnosis.explanation import Explanation
 from trunnion.diagnosis.fit import Fit, confounded, first_values, variant_columns
 from trunnion.diagnosis.in_steps import as_read
 from trunnion.diagnosis.model import Model, Uncertainty
-from trunnion.diagnosis.moments import moment_errors
+from trunnion.diagnosis.moments import moment_errors, other_optima
 from trunnion.diagnosis.records import (
     Alternative,
     Cause,
@@ -424,8 +424,7 @@ def _causes(
         cause = Cause(
             effect.id,
             {q.name: float(numbers[q.name]) for q in effect.parameters},
-            {q.name: float(s) for q, s in zip(effect.parameters, std, strict=True)}
-            | moment_errors(case, effect, f, variance),
+            _std_errors(case, effect, f, variance, std),
             min(1.0, chance * e.candidates.multiplicity * places),
             tuple(sorted(aliases)),
             effect.label,
@@ -434,3 +433,13 @@ def _causes(
         out.append((wald, cause))
     out.sort(key=lambda t: -t[0])
     return tuple(cause for _, cause in out)
+
+
+def _std_errors(
+    case: Case, effect: Effect, f: Fit, variance: float, std: Floats
+) -> dict[str, float]:
+    """Standard errors of an effect's parameters by name; ``std``: by their covariance."""
+    out = {q.name: float(s) for q, s in zip(effect.parameters, std, strict=True)}
+    for name, off in other_optima(case, effect, f, variance).items():
+        out[name] = float(np.hypot(out[name], off))
+    return out | moment_errors(case, effect, f, variance)
