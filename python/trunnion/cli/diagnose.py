@@ -16,6 +16,7 @@ from trunnion.cli.given import sort_files
 from trunnion.cli.program import ProbeLog, read_log
 from trunnion.cli.read import said_of
 from trunnion.cli.schema import Of, Printed
+from trunnion.diagnosis.catalogues import effects_on
 
 if TYPE_CHECKING:
     from trunnion.diagnosis.result import Diagnosis
@@ -200,15 +201,23 @@ def diagnose_as(kind: str) -> Any:
     return run
 
 
-def _further(effects: list[str], data: Any) -> list[Any]:
-    """Candidates from files, and from installed packages."""
+def _diagnosed(data: Any, setup: tn.Setup | None, effects: list[str]) -> Diagnosis:
+    """Diagnose with further candidates from files and installed packages; note which have none."""
     found: list[Any] = []
+    idle: list[str] = []
     for one in effects:
-        if Path(one).suffix == ".toml" or Path(one).exists():
-            found += tn.read_effects(one, data)
-        else:
-            found += tn.installed_effects(one)
-    return found
+        from_file = Path(one).suffix == ".toml" or Path(one).exists()
+        every = tn.read_effects(one) if from_file else tn.installed_effects(one)
+        mine = effects_on(every, data)
+        found += mine
+        if not mine:
+            several = data if isinstance(data, list) else [data]
+            kinds = " or ".join(dict.fromkeys(type(each).__name__ for each in several))
+            others = ", ".join(f"{e.id} is for {getattr(e, 'data', '')}" for e in every)
+            why = others or "it has none at all"
+            idle.append(f"{one} has no effect on {kinds} ({why}): none of it was looked for.")
+    d = tn.diagnose(data, setup, effects=found)
+    return replace(d, notes=(*idle, *d.notes))
 
 
 def _together(files: list[Path], kind: str, effects: list[str]) -> Diagnosis:
@@ -216,7 +225,7 @@ def _together(files: list[Path], kind: str, effects: list[str]) -> Diagnosis:
     data, set_ups = sort_files(files, (2, MAX_FILES), (0, 1))
     read = [tn.read(path, kind=kind or None) for path in data]
     setup = tn.read_setup(set_ups[0]) if set_ups else None
-    return tn.diagnose(read, setup, effects=_further(effects, read))
+    return _diagnosed(read, setup, effects)
 
 
 def _diagnosis(
@@ -237,4 +246,4 @@ def _diagnosis(
             f"{set_ups[0]}: got neither a table [ballbar] nor [hybrid], expected one of them, or "
             "no set-up for a three-axis machine and a calibrated bar"
         )
-    return tn.diagnose(read, setup, effects=_further(effects, read))
+    return _diagnosed(read, setup, effects)

@@ -23,6 +23,7 @@ from trunnion.machine.effects import (
     Moving,
     Owner,
     effect_id,
+    own_call,
     split_effects,
 )
 from trunnion.machine.estimate import Estimate
@@ -189,7 +190,8 @@ class MachineErrors:
         moved = np.zeros((len(position_mm), 3))
         pose = MotionPose(position_mm, MappingProxyType(Chain(setup).to_control(rotary_deg)))
         for effect in self.own:
-            change = np.asarray(effect.motion(pose, effect.values), dtype=np.float64)
+            found = own_call(effect, "motion", effect.motion, pose, effect.values)
+            change = np.asarray(found, dtype=np.float64)
             if change.shape != moved.shape or not np.all(np.isfinite(change)):
                 raise InputError(
                     f"motion of effect {effect.id!r}: got shape {change.shape} or values that are "

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, fields
+from importlib import import_module
 from importlib.metadata import entry_points
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from trunnion.base.arguments import checked
 from trunnion.base.checks import choose
 from trunnion.base.errors import FileFormatError, InputError, UnknownNameError
 from trunnion.base.output import write_text
 from trunnion.diagnosis.formula import FormulaEffect
+from trunnion.diagnosis.own_effects import acting_in
 from trunnion.files.toml import TomlText
 from trunnion.machine.effects import Owner, UserEffect
 
+T = TypeVar("T")
 GROUP = "trunnion.effects"
 """Entry points of packages that bring effects: an effect, a list of them, a function that returns
 one, or the path of a file of effects."""
@@ -106,17 +109,36 @@ def read_effects(path: str | PathLike[str], data: Any = None) -> tuple[FormulaEf
         got = ", ".join(text.tables) or "nothing"
         raise FileFormatError(f"{path}: got {got}, expected tables [[effect]]")
     found = [_effect(text, i, table) for i, table in enumerate(tables)]
+    known = dict.fromkeys([*_data_classes(), *(type(one).__name__ for one in _several(data))])
+    for i, one in enumerate(found):
+        try:
+            choose("data", one.data, known)
+        except UnknownNameError as error:
+            raise text.error(("effect", i, "data"), str(error), at_value=True) from error
     ids = [one.id for one in found]
     for i, name in enumerate(ids):
         if name in ids[:i]:
             where = ("effect", i, "id")
             raise text.error(where, f"got {name!r} twice, expected each id once", at_value=True)
-    kinds = {type(data).__name__, *(type(one).__name__ for one in _several(data))}
-    return tuple(one for one in found if data is None or one.data in kinds)
+    return tuple(found) if data is None else effects_on(found, data)
+
+
+def effects_on(effects: Sequence[T], data: Any) -> tuple[T, ...]:
+    """Return those that may act in data, or in one of several; others state another class."""
+    several = _several(data)
+    return tuple(one for one in effects if any(acting_in([one], each) for each in several))
+
+
+def _data_classes() -> tuple[str, ...]:
+    """Names of the classes of all kinds of data."""
+    kinds = import_module("trunnion.models.kinds").kinds()
+    return tuple(kind.data.partition(":")[2] for kind in kinds)
 
 
 def _several(data: Any) -> tuple[Any, ...]:
-    return tuple(data) if isinstance(data, list | tuple) else ()
+    if isinstance(data, list | tuple):
+        return tuple(data)
+    return () if data is None else (data,)
 
 
 def _effect(text: TomlText, i: int, table: Any) -> FormulaEffect:
@@ -188,7 +210,8 @@ def installed_effects(name: str | None = None) -> tuple[UserEffect, ...]:
     for one in chosen:
         try:
             loaded = known[one].load()
-            loaded = loaded() if callable(loaded) and not isinstance(loaded, UserEffect) else loaded
+            if isinstance(loaded, type) or not isinstance(loaded, UserEffect):
+                loaded = loaded() if callable(loaded) else loaded
         except Exception as error:  # a package's own code
             raise InputError(f"entry point {one!r} of {GROUP}: {error}") from error
         if isinstance(loaded, str | PathLike):

@@ -181,6 +181,14 @@ class FormulaEffect:
         """It, from the start on if it is a smooth function of time: as a cause it needs a zero."""
         return replace(self, from_start=self.owner is Owner.TIME and self.shape in SMOOTH)
 
+    def of_one(self, names: Sequence[str], data: Sequence[Any]) -> FormulaEffect:
+        """Return it as an effect on data of the kind of that of several that it depends on.
+
+        names: Of the measurements, which joined covariates end in ("time of touches").
+        """
+        what, _, name = self.covariate.rpartition(" of ")
+        return replace(self, covariate=what, data=type(data[names.index(name)]).__name__)
+
     @checked
     def named(self, id: str, label: str = "") -> FormulaEffect:  # noqa: A002
         """Return it under a name of its own.
@@ -266,7 +274,7 @@ class FormulaEffect:
         Raises
         ------
         InputError
-            Data of another class, or without the quantity.
+            Data of another class, without the quantity, or with it in another unit.
         """
         if type(data).__name__ != self.data:
             got = type(data).__name__
@@ -280,6 +288,11 @@ class FormulaEffect:
             raise InputError(
                 f"effect {self.id!r}: got data with {names} (in {', '.join(known[1:])}), expected "
                 f"{self.covariate}{self.component and f' in {self.component}'}"
+            )
+        if self.unit not in ("", place.unit):
+            expected = f"{place.unit!r}, the unit of" if place.unit else "none of"
+            raise InputError(
+                f"effect {self.id!r}: unit: got {self.unit!r}, expected {expected} {self.covariate}"
             )
         s, enters = np.asarray(place.values), described.components.get(self.component)
         weight = np.ones(len(s)) if enters is None else np.asarray(enters, dtype=np.float64)

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 from numpy.typing import ArrayLike
 
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.diagnosis.effect import Effect, EffectLike, NamedValues, parameters_of
-from trunnion.machine.effects import Owner, own_numbers
+from trunnion.machine.effects import Owner, own_call, own_numbers, refuse_class
 from trunnion.setup.names import effect_ids
+
+T = TypeVar("T")
 
 
 @runtime_checkable
@@ -31,26 +33,31 @@ class _Own:
     data: Any
 
     def change(self, values: NamedValues) -> ArrayLike:
-        return own_numbers(self.thing.id, "change", self.thing.change(self.data, values))
+        found = own_call(self.thing, "change", self.thing.change, self.data, values)
+        return own_numbers(self.thing.id, "change", found)
 
     def jacobian(self, values: NamedValues) -> ArrayLike:
-        return own_numbers(self.thing.id, "jacobian", self.thing.jacobian(self.data, values))
+        found = own_call(self.thing, "jacobian", self.thing.jacobian, self.data, values)
+        return own_numbers(self.thing.id, "jacobian", found)
 
 
 def as_effect(thing: EffectLike | Effect, data: Any, described: Any = None) -> Effect:
     """Bind a user's effect to data; an :class:`Effect` is bound already and stays as it is.
 
-    Optional members are used where there are some: ``jacobian(data, values)``, shape (n, k);
+    Optional members are used where there are some: ``data``, the name of the class of data that it
+    is for, in others of several measurements it does not act; ``jacobian(data, values)``, (n, k);
     ``motion(pose, values)``, without which the effect is diagnosed but not compensated; ``owner``
     ("machine", "instrument", "workpiece", ...); ``label``, what people call it.
 
     Raises
     ------
     InputError
-        The object has no ``id``, ``parameters`` or ``change``, no parameter, or an unknown owner.
+        A class; an object without ``id``, ``parameters`` or ``change``, without a parameter, or
+        with an unknown owner.
     """
     if isinstance(thing, Effect):
         return thing
+    refuse_class(thing)
     if isinstance(thing, Binding):
         return thing.bound(data, described)
     missing = [n for n in ("id", "parameters", "change") if not hasattr(thing, n)]
@@ -80,6 +87,13 @@ def as_effect(thing: EffectLike | Effect, data: Any, described: Any = None) -> E
         owner=owner,
         motion=getattr(thing, "motion", None),
     )
+
+
+def acting_in(effects: Sequence[T], data: Any) -> tuple[T, ...]:
+    """Leave out effects that are for data of another class, by their ``data`` if they state one."""
+    kinds = {base.__name__ for base in type(data).__mro__}
+    stated = ((one, getattr(one, "data", None)) for one in effects)
+    return tuple(one for one, of in stated if not isinstance(of, str) or of in kinds)
 
 
 def with_own(

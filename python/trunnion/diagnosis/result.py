@@ -219,6 +219,9 @@ class Diagnosis(Result):
             found = self.unexplained or "nothing is unexplained"
             raise InputError(f"draft_effect: got {found}, expected structure in the extended model")
         draft = self.structure.effect.from_start_if_in_time
+        names = getattr(self.model, "measurements", None)  # of several together
+        if names is not None:
+            draft = draft.of_one(names, self.data)
         return draft.named(id or draft.id, label or ("" if id else draft.label))
 
     def rebuilt_model(self) -> Model:

@@ -9,7 +9,7 @@ from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
-from trunnion.base.errors import DataError, InputError
+from trunnion.base.errors import DataError, InputError, TrunnionError
 from trunnion.base.units import Floats
 
 PLACEMENT = ("dx_um", "dy_um", "dz_um", "ra_arcsec", "rb_arcsec", "rc_arcsec")
@@ -178,10 +178,38 @@ def effect_id(effect: Effect) -> str:
     return effect if isinstance(effect, str) else effect.id
 
 
+def refuse_class(thing: Any) -> None:
+    """Refuse a class in place of an effect."""
+    if isinstance(thing, type):
+        name = f"{thing.__module__}.{thing.__qualname__}"
+        raise InputError(
+            f"effect: got the class {name}, expected an object of it: {thing.__name__}()"
+        )
+
+
+def own_call(effect: Any, what: str, function: Callable[..., Any], *given: Any) -> Any:
+    """Return what the code of an effect of the user's own returns.
+
+    Raises InputError: it raises; names the effect, and the file and line of the user's code. Errors
+        of the package's own go through as they are.
+    """
+    try:
+        return function(*given)
+    except TrunnionError:
+        raise
+    except Exception as error:  # the user's code
+        inner = None if error.__traceback__ is None else error.__traceback__.tb_next
+        where = "" if inner is None else f", {inner.tb_frame.f_code.co_filename}:{inner.tb_lineno}"
+        name = f"{type(effect).__module__}.{type(effect).__qualname__}"
+        raise InputError(
+            f"effect {effect.id!r}: {what} of {name} raised {type(error).__name__}: {error}{where}"
+        ) from error
+
+
 def own_numbers(id_: str, what: str, found: Any, shape: tuple[int, ...] | None = None) -> Floats:
     """Return what an effect of the user's own gave, as finite numbers of a shape if one is stated.
 
-    Raises DataError: of something else. What the user's code raises goes through as it is.
+    Raises DataError: of something else.
     """
     expected = "finite numbers" + ("" if shape is None else f" of shape {shape}")
     try:
@@ -210,6 +238,7 @@ def split_effects(effects: Iterable[Effect]) -> tuple[list[str], list[UserEffect
     ids: list[str] = []
     own: list[UserEffect] = []
     for effect in effects:
+        refuse_class(effect)
         if isinstance(effect, str):
             ids.append(effect)
         elif isinstance(effect, UserEffect):

@@ -32,6 +32,7 @@ from trunnion.diagnosis.engine import diagnose as diagnose_model
 from trunnion.diagnosis.engine import leave
 from trunnion.diagnosis.left import Left
 from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.own_effects import acting_in
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.files.table import named_columns
 from trunnion.machine.effects import EffectInfo
@@ -314,7 +315,8 @@ def diagnose(
         The set-up, where the kind of data needs one.
     effects
         Further candidates, which compete with the whole catalogue on equal terms: a user's own
-        effects (``id``, ``parameters``, ``change(data, values)``), or ids.
+        effects (``id``, ``parameters``, ``change(data, values)``), or ids. One that states its
+        ``data`` (the name of a class, "Touches") acts in these only of several measurements.
 
     Raises
     ------
@@ -415,6 +417,11 @@ def _measured(
     _at_least_two(data)
     data = list(map(as_table, data))
     _refuse_other_frames(data)
+    for effect in effects:
+        if not isinstance(effect, str) and not any(acting_in([effect], one) for one in data):
+            got = ", ".join(dict.fromkeys(type(one).__name__ for one in data))
+            wanted = getattr(effect, "data", "")
+            raise InputError(f"effect {effect.id!r}: got {got}, expected {wanted} among them")
     measured = []
     for one in data:
         try:
@@ -445,7 +452,7 @@ def _refuse_other_frames(data: Sequence[Any]) -> None:
 def _one_of_several(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Measured:
     """Explain one measurement, of which rows that repeat others count once."""
     used, first, _, repeated = distinct_rows(data)
-    model = model_of(used, setup, effects)
+    model = model_of(used, setup, acting_in(effects, data))
     left = leave(model)
     if first is not None:
         outliers = tuple(int(first[row]) for row in left.outliers)

@@ -17,7 +17,7 @@ from trunnion.base.errors import DataError
 from trunnion.base.statistics import LinearFit, linear_fit
 from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
-from trunnion.machine.effects import UserEffect, own_numbers
+from trunnion.machine.effects import UserEffect, own_call, own_numbers
 from trunnion.probing.model import TouchModel, rounding_um
 
 CLOSE_UM = 1e-6
@@ -111,7 +111,7 @@ class TouchProblem:
 
     def _change(self, effect: UserEffect, values: Mapping[str, float]) -> Floats:
         """Change of each reading by a user's effect, (n,)."""
-        found = effect.change(self.data, dict(values))
+        found = own_call(effect, "change", effect.change, self.data, dict(values))
         return own_numbers(effect.id, "change", found, (len(self.data),))
 
     def _columns(self, effect: UserEffect, values: Mapping[str, float]) -> Floats:
@@ -119,7 +119,8 @@ class TouchProblem:
         shape = (len(self.data), len(effect.parameters))
         given = getattr(effect, "jacobian", None)
         if given is not None:
-            return own_numbers(effect.id, "jacobian", given(self.data, dict(values)), shape)
+            found = own_call(effect, "jacobian", given, self.data, dict(values))
+            return own_numbers(effect.id, "jacobian", found, shape)
         columns = np.empty(shape)
         for k, name in enumerate(effect.parameters):
             step = 1e-4 * max(1.0, abs(values[name]))
