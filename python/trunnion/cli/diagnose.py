@@ -16,7 +16,6 @@ from trunnion.cli.given import sort_files
 from trunnion.cli.program import ProbeLog, read_log
 from trunnion.cli.read import said_of
 from trunnion.cli.schema import Of, Printed
-from trunnion.diagnosis.catalogues import effects_on
 
 if TYPE_CHECKING:
     from trunnion.diagnosis.result import Diagnosis
@@ -207,13 +206,13 @@ def _diagnosed(data: Any, setup: tn.Setup | None, effects: list[str]) -> Diagnos
     idle: list[str] = []
     for one in effects:
         from_file = Path(one).suffix == ".toml" or Path(one).exists()
-        every = tn.read_effects(one) if from_file else tn.installed_effects(one)
-        mine = effects_on(every, data)
+        effects_of: Any = tn.read_effects if from_file else tn.installed_effects
+        mine = effects_of(one, data)
         found += mine
         if not mine:
             several = data if isinstance(data, list) else [data]
             kinds = " or ".join(dict.fromkeys(type(each).__name__ for each in several))
-            others = ", ".join(f"{e.id} is for {getattr(e, 'data', '')}" for e in every)
+            others = ", ".join(f"{e.id} is for {getattr(e, 'data', '')}" for e in effects_of(one))
             why = others or "it has none at all"
             idle.append(f"{one} has no effect on {kinds} ({why}): none of it was looked for.")
     d = tn.diagnose(data, setup, effects=found)

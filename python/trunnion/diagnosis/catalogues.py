@@ -120,10 +120,10 @@ def read_effects(path: str | PathLike[str], data: Any = None) -> tuple[FormulaEf
         if name in ids[:i]:
             where = ("effect", i, "id")
             raise text.error(where, f"got {name!r} twice, expected each id once", at_value=True)
-    return tuple(found) if data is None else effects_on(found, data)
+    return tuple(found) if data is None else _effects_on(found, data)
 
 
-def effects_on(effects: Sequence[T], data: Any) -> tuple[T, ...]:
+def _effects_on(effects: Sequence[T], data: Any) -> tuple[T, ...]:
     """Return those that may act in data, or in one of several; others state another class."""
     several = _several(data)
     return tuple(one for one in effects if any(acting_in([one], each) for each in several))
@@ -170,7 +170,7 @@ def _effect(text: TomlText, i: int, table: Any) -> FormulaEffect:
 
 
 @checked
-def installed_effects(name: str | None = None) -> tuple[UserEffect, ...]:
+def installed_effects(name: str | None = None, data: Any = None) -> tuple[UserEffect, ...]:
     """Return the effects that installed packages bring, as candidates for :func:`diagnose`.
 
     A package declares them in its ``pyproject.toml``::
@@ -185,6 +185,8 @@ def installed_effects(name: str | None = None) -> tuple[UserEffect, ...]:
     ----------
     name
         Entry point; None: all of them.
+    data
+        Measured data: effects that state another kind are left out.
 
     Raises
     ------
@@ -223,4 +225,4 @@ def installed_effects(name: str | None = None) -> tuple[UserEffect, ...]:
             got = type(loaded).__name__
             raise InputError(f"entry point {one!r} of {GROUP}: got {got}, expected effects")
         found += several
-    return tuple(found)
+    return tuple(found) if data is None else _effects_on(found, data)
