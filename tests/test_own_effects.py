@@ -107,11 +107,12 @@ def test_an_effect_that_raises_is_named_with_its_place() -> None:
         tn.diagnose(data, setup, effects=[Bad()])
     with pytest.raises(tn.InputError, match=said):
         tn.identify(data, setup, effects=[Bad()])
+    given: Any = Sun
     for use in (tn.diagnose, tn.identify):
         with pytest.raises(
             tn.InputError, match=r"got the class .*Sun, expected an object.*Sun\(\)"
         ):
-            use(data, setup, effects=[Sun])
+            use(data, setup, effects=[given])
 
 
 def test_what_a_package_brings_may_be_bad_a_class_or_nothing(
@@ -158,3 +159,20 @@ def test_structure_of_several_measurements_is_drafted_for_the_kind_that_has_it()
     draft = d.draft_effect("rail")
     assert (draft.data, draft.covariate) == ("Touches", "Y place")
     assert "rail" in tn.diagnose([first, other], setup, effects=[draft]).named
+
+
+def test_why_structure_is_stated_only_is_said() -> None:
+    """Touches along X at few places of Y: a wave of 20 mm there is nearly an offset of them."""
+    setup = tn.Setup(tn.Artefact("cross"))
+    plan = tn.plan(
+        setup, feeds_mm_min=(300, 600), both_senses=True, c_deg=(0, 45, 90, 135, 180, 225, 270, 315)
+    )
+    data = tn.simulate(plan, setup, {"EX0C": 10.0}, noise_um=0.3, seed=12)
+    wave = 3e-3 * np.cos(2 * np.pi * np.round(2 * plan["y_mm"]) / 2 / 20.0 + 0.5)
+    d = tn.diagnose(data.with_columns(x_mm=data["x_mm"] + wave), setup)
+    assert d.verdict == "unexplained"
+    assert d.structure is None
+    (note,) = [n for n in d.notes if "not in the extended model" in n]
+    assert "beside it the standard error of EX0C would be" in note
+    with pytest.raises(tn.InputError, match=r"the standard error of EX0C would be .* as wide"):
+        d.draft_effect()

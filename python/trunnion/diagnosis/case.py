@@ -294,8 +294,8 @@ class Case:
         return {}
 
     @cached_property
-    def structures(self) -> "dict[tuple[Term, Fit], tuple[Case, Fit, FormulaEffect] | None]":
-        """Fits with a term of structure beside another fit (:mod:`.structure`)."""
+    def structures(self) -> "dict[tuple[Term, Fit], tuple[Case, Fit, FormulaEffect] | str]":
+        """Fits with a term of structure beside another fit, or why not (:mod:`.structure`)."""
         return {}
 
     def cross_validated(self, f: Fit) -> Floats:

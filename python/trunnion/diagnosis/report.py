@@ -33,7 +33,13 @@ from trunnion.diagnosis.remaining import unexplained
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scatter import Scatter
 from trunnion.diagnosis.shape_in_time import notes_of_shape, shape_in_doubt
-from trunnion.diagnosis.structure import left_open, notes_of_structure, structure_of, with_structure
+from trunnion.diagnosis.structure import (
+    left_open,
+    notes_of_structure,
+    structure_of,
+    why_stated,
+    with_structure,
+)
 from trunnion.diagnosis.unnoticed import Others, is_small, names_of, too_little, unnoticed_of
 from trunnion.diagnosis.whitening import correlated
 from trunnion.machine.budget import MODEL, SHAPE, Source, of_readings, root
@@ -68,7 +74,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     f = f if alternatives else kept.plain
     verdict = _verdict(said, kept, rows, kept.plain, f, len(alternatives), len(dropped))
     every, plain = as_read(case, case.plain)[0], as_read(kept, kept.plain)[0]
-    kept, f, source = with_structure(kept, e.terms, f)
+    stated, (kept, f, source) = why_stated(kept, e.terms, f), with_structure(kept, e.terms, f)
     variance = float(case.floor.noise(f.rss, f.dof))
     f, growth, read = _values(kept, f, variance)
     left = f.residuals - kept.shared(f)
@@ -89,7 +95,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     contributions, ladder = contributions_of(kept, case.given or plain, grown, rows)
     known = _uncertainty(kept, f, doubt, shape, sigma, variance)
     in_doubt = (*notes_of_structure(model, open_, std), *notes_of_shape(model, f, shape, std))
-    notes = (*in_doubt, *_notes(case, variance, sigma, read=read))
+    notes = (*stated, *in_doubt, *_notes(case, variance, sigma, read=read))
     return Diagnosis(
         verdict=verdict,
         causes=_causes(kept, e, grown, variance, wide, alternatives),

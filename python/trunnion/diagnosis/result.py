@@ -44,7 +44,7 @@ from trunnion.diagnosis.records import (
 )
 from trunnion.diagnosis.score import score
 from trunnion.diagnosis.sentences import MAX_SETS, sentences_of, unit_in
-from trunnion.diagnosis.structure import Structure, model_with
+from trunnion.diagnosis.structure import NOT_FITTED, Structure, model_with
 from trunnion.files.table import Table as DataTable
 from trunnion.machine.budget import Budget, Method
 from trunnion.machine.effects import Owner
@@ -217,7 +217,10 @@ class Diagnosis(Result):
         """
         if self.structure is None:
             found = self.unexplained or "nothing is unexplained"
-            raise InputError(f"draft_effect: got {found}, expected structure in the extended model")
+            why = "".join(f" ({n})" for n in self.notes if n.startswith(NOT_FITTED))
+            raise InputError(
+                f"draft_effect: got {found}, expected structure in the extended model{why}"
+            )
         draft = self.structure.effect.from_start_if_in_time
         names = getattr(self.model, "measurements", None)  # of several together
         if names is not None:

@@ -33,6 +33,13 @@ from trunnion.machine.estimate import Estimate
 
 TINY = 1e-300
 WHY_NOT = "nobody has named what makes it"
+NOT_FITTED = "What the residual depends on is stated, and not in the extended model"
+INCOMPLETE = (
+    "the model is not complete there, what is left is no stationary noise; look first for what "
+    "makes most of it"
+)
+UNDETERMINED = "the readings do not determine it beside the causes; measure at more places"
+ELSEWHERE = "measure at further places or in another order, which distinguish the two"
 DISTINGUISHED = 2.0
 """How much wider structure may make the standard error of anything else, and be in the model."""
 
@@ -176,19 +183,32 @@ def with_structure(
     """
     if not terms or kept.dependent:
         return kept, f, None
-    key = terms[0][0], f
-    if key not in kept.structures:
-        kept.structures[key] = _with_term(kept, *key)
-    if (fitted := kept.structures[key]) is None:
+    fitted = _tried(kept, terms[0][0], f)
+    if isinstance(fitted, str):
         return kept, f, None
     fitted[0].given = kept.given  # may be known since
     return fitted
 
 
-def _with_term(kept: Case, term: Term, f: Fit) -> tuple[Case, Fit, FormulaEffect] | None:
+def why_stated(kept: Case, terms: Sequence[tuple[Term, float]], f: Fit) -> tuple[str, ...]:
+    """Say why structure beside a fit is stated only, and what to do; empty: it is fitted."""
+    if not terms:
+        return ()
+    tried = INCOMPLETE if kept.dependent else _tried(kept, terms[0][0], f)
+    return (f"{NOT_FITTED}: {tried}.",) if isinstance(tried, str) else ()
+
+
+def _tried(kept: Case, term: Term, f: Fit) -> tuple[Case, Fit, FormulaEffect] | str:
+    key = term, f
+    if key not in kept.structures:
+        kept.structures[key] = _with_term(kept, *key)
+    return kept.structures[key]
+
+
+def _with_term(kept: Case, term: Term, f: Fit) -> tuple[Case, Fit, FormulaEffect] | str:
     """Fit the causes with a term of structure: the case with it among the effects, the fit.
 
-    None: it is not to be fitted.
+    Or why it is not to be fitted, and what to do.
     """
     source = FormulaEffect.of_term(term, kept.model)
     model = model_with(kept.model, source)
@@ -201,21 +221,31 @@ def _with_term(kept: Case, term: Term, f: Fit) -> tuple[Case, Fit, FormulaEffect
         every = [*effects, added]
         found = fit(model, kept.rows, every, f.nuisance, values, kept.whiten, f.judged)
     except DataError:
-        return None
-    if found.rss >= f.rss or found.dof < 1 or not _distinguished(f, found):
-        return None
+        return UNDETERMINED
+    if found.rss >= f.rss or found.dof < 1:
+        return UNDETERMINED
+    if (widest := _widest(f, found))[1] > DISTINGUISHED:
+        names = [x.name for x in model.nuisance] + [f"{i}.{name}" for i, name in f.names]
+        wider = "not determined" if np.isinf(widest[1]) else f"{widest[1]:.2g} times as wide"
+        return f"beside it the standard error of {names[widest[0]]} would be {wider}; {ELSEWHERE}"
     whole = replace(kept, model=model)
-    if not better(model, kept.rows, kept.cross_validated(f), whole.cross_validated(found)):
-        return None
+    before, after = kept.cross_validated(f), whole.cross_validated(found)
+    if not better(model, kept.rows, before, after):
+        return f"with it readings are predicted worse from the others; {ELSEWHERE}"
     return whole, found, source
 
 
-def _distinguished(without: Fit, found: Fit) -> bool:
-    """Whether no standard error of what else is fitted is much wider with structure beside it."""
+def _widest(without: Fit, found: Fit) -> tuple[int, float]:
+    """Which parameter of a fit has the standard error that structure beside it widens most.
+
+    And how many times as wide it is then.
+    """
     before = np.sqrt(np.diag(without.covariance))
     after = np.sqrt(np.diag(found.covariance))[: len(before)]
     known = np.isfinite(before) & (before > 0)
-    return bool(np.all(after[known] <= DISTINGUISHED * before[known]))
+    wider = np.where(known, after / np.where(known, before, 1.0), 0.0)
+    at = int(np.argmax(wider))
+    return at, float(wider[at])
 
 
 def left_open(
