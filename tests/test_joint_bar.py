@@ -111,6 +111,23 @@ def test_what_is_recommended_of_the_doubt_settles_it(axis: str, *, of_machine: b
     assert after.unexplained is None
 
 
+def test_a_run_whose_axis_is_not_known_is_said_to_share_nothing() -> None:
+    rng = np.random.default_rng(99)
+    made, run = circle(rng, "XY", 0.0, (30.0, 0.0, 0.0)), stops(rng, "X", 30.0)
+    for given, said in (
+        (run.with_columns(axis=None), "positioning: there is no column axis: scale and reversal"),
+        (run.with_columns(axis=["Q"] * len(run)), "positioning: axis is 'Q': scale and reversal"),
+    ):
+        d = tn.diagnose([made, given])
+        assert {"scale_x"} < d.named
+        assert any(note.startswith(said) for note in d.notes)
+    for some in (
+        [made, run],
+        [run.with_columns(axis=None), stops(rng, "X", 30.0).with_columns(axis=None)],
+    ):
+        assert not any("not shared" in note for note in tn.diagnose(some).notes)
+
+
 def test_bars_of_other_lengths_have_lengths_of_their_own() -> None:
     rng = np.random.default_rng([95])
     none = (0.0, 0.0, 0.0)

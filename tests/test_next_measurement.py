@@ -109,6 +109,16 @@ def test_without_doubt_there_is_nothing_to_measure() -> None:
         tn.next_measurement(d, mounting_minutes={"balbar": 3.0})
 
 
+def test_tests_that_settle_nothing_are_one_sentence() -> None:
+    """What is in doubt of a run whose axis is not stated no other instrument shows."""
+    path = str(tn.sample_path("positioning/axis.csv"))
+    said = CliRunner().invoke(app, ["diagnose", path, "--next", "1"])
+    assert said.exit_code == 0
+    text = " ".join(said.output.split())
+    assert "Next: none of these settles the doubt: a circle of a ball-bar in XY, both" in text
+    assert "probability of 0%" not in text
+
+
 @pytest.mark.parametrize("axis", ["X", "Y", "Z", "A", "C"])
 def test_a_positioning_run_in_doubt_that_names_its_axis(axis: str) -> None:
     """What only the instrument has, a curve of many parameters too, is fitted beside each test."""

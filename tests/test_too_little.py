@@ -93,3 +93,9 @@ def test_three_holes_are_too_little() -> None:
     many = [plate(12, seed, 100.0) for seed in range(20)]
     assert all(d.too_little is None for d in many)
     assert sum("scale_x" in d.named for d in many) >= 15
+
+
+def test_no_rows_of_a_ball_bar_are_a_clear_error() -> None:
+    none = tn.read_ballbar(tn.sample_path("ballbar/circle.csv"))[:0]
+    with pytest.raises(tn.DataError, match="ballbar: got no rows, expected readings to diagnose"):
+        tn.diagnose(none)

@@ -85,7 +85,7 @@ def likely_meant(
     data: Any, setup: Any, scatter: Scatter, fits: Callable[[Guess, float], bool]
 ) -> str:
     """Say with what other unit, sense or machine the data fit; empty: with none that is tried."""
-    if not isinstance(data, Table):
+    if not isinstance(data, Table) or not len(data):
         return ""
     tried = []
     for guess in guesses(some_rows(data), setup):

@@ -32,6 +32,7 @@ from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.models.warming import warmup
 
+LINEAR = ("x", "y", "z")
 MIN_WAVE_TARGETS = 9  # a wave of three parameters beside a scale and a reversal
 MIN_PERIODS = 3
 MIN_TURN_DEG = 300.0  # below it harmonics of the turn look like one another
@@ -44,6 +45,26 @@ PITCHES_PER_OCTAVE = 24
 SAME_COUNTER_UM = 0.5
 APPROACH = ((1.0, "forward ↑"), (-1.0, "backward ↓"))
 ONE_AXIS = "positioning of one axis: write a compensation table of it"
+
+
+def not_shared(data: Any, others: Sequence[Any]) -> tuple[str, ...]:
+    """Say that a run shares neither scale nor reversal with other measurements, and why."""
+    if not isinstance(data, Positioning) or data.rotary:
+        return ()
+    axis = _axis(data)
+    alike = all(isinstance(one, Positioning) and _axis(one) == axis for one in others)
+    if axis in LINEAR or alike:
+        return ()
+    got = "there is no column axis" if axis is None else f"axis is {str(data.axis[0])!r}"
+    return (
+        f"{got}: scale and reversal of this run are not shared with other measurements, as they "
+        "are where axis says X, Y or Z.",
+    )
+
+
+def _axis(data: Positioning) -> str | None:
+    """Letter of the axis, small; None: it is not stated."""
+    return None if data.axis is None else str(data.axis[0]).lower()
 
 
 class PositioningModel(LinearModel):
@@ -103,10 +124,10 @@ class PositioningModel(LinearModel):
 
         A backlash makes an approach in + stop short: the reversal is its opposite.
         """
-        axis = None if self.data.axis is None else str(self.data.axis[0]).lower()
+        axis = _axis(self.data)
         if effect.id in OF_TIME:
             return None
-        if axis in ("x", "y", "z") and effect.id in ("scale", "reversal"):
+        if axis in LINEAR and effect.id in ("scale", "reversal"):
             return (f"scale_{axis}", 1.0) if effect.id == "scale" else (f"backlash_{axis}", -1.0)
         return (effect.id if axis is None else f"{effect.id}_of_{axis}", 1.0)
 

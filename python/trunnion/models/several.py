@@ -25,6 +25,7 @@ from trunnion.files.table import Table
 from trunnion.models.changes import done_otherwise
 from trunnion.models.joint import JointModel
 from trunnion.models.parts import Part
+from trunnion.models.positioning import not_shared
 
 MIN_NOISE = 1e-9  # of a white reading: exact data
 
@@ -193,7 +194,9 @@ def joined(
         )
     ]
     for part, one in zip(model.parts, measured, strict=True):
-        said = (*one.notes, *frame_notes(one.data), *time_notes(one.data))
+        others = [each.data for each in measured if each is not one]
+        shared = not_shared(one.data, others)
+        said = (*one.notes, *shared, *frame_notes(one.data), *time_notes(one.data))
         notes += [f"{part.name}: {n}" for n in said]
         if one.alone.unexplained is not None:
             notes.append(f"{part.name} alone: {one.alone.unexplained}.")
