@@ -55,7 +55,7 @@ def not_shared(data: Any, others: Sequence[Any]) -> tuple[str, ...]:
     alike = all(isinstance(one, Positioning) and _axis(one) == axis for one in others)
     if axis in LINEAR or alike:
         return ()
-    got = "there is no column axis" if axis is None else f"axis is {str(data.axis[0])!r}"
+    got = "there is no column axis" if data.axis is None else f"axis is {str(data.axis[0])!r}"
     return (
         f"{got}: scale and reversal of this run are not shared with other measurements, as they "
         "are where axis says X, Y or Z.",
