@@ -7,6 +7,7 @@ beside a diagnosis, are both read as a user reads them.
 from collections.abc import Callable
 from pathlib import Path
 from pkgutil import resolve_name
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,8 @@ from trunnion.base.units import unit_of
 from trunnion.contouring import Servo
 from trunnion.data.mistaken import size_notes
 from trunnion.data.whole import in_inches, in_radians
+from trunnion.diagnosis.model import Covariate
+from trunnion.diagnosis.remaining import when_large
 from trunnion.files.table import Table
 from trunnion.models import examples
 from trunnion.models.kinds import kinds, model_of
@@ -501,3 +504,25 @@ def test_readings_in_m_are_not_only_called_inches() -> None:
     data, _ = examples.rotary_test()
     some = {name: 1e-6 * data[name] for name in ("dx_um", "dy_um", "dz_um")}
     assert "m (10⁶ times" in " ".join(size_notes(data.with_columns(**some)))
+
+
+def test_a_cross_whose_length_alone_is_in_inches_is_asked_about() -> None:
+    """It is refused as no cross before any touch is looked at."""
+    with pytest.raises(tn.InputError, match=r"arms \(is length_mm in inches, 100 mm\?\)$"):
+        tn.Artefact("cross", length_mm=100.0 / 25.4)
+    with pytest.raises(tn.InputError, match=r"a cross has arms$"):
+        tn.Artefact("cross", length_mm=90.0, width_mm=95.0)
+
+
+def test_a_stretch_that_is_the_whole_time_is_not_named() -> None:
+    """Of two axes at the same times one has all of the residual, throughout or in part."""
+    half = 400
+    time = Covariate("time", np.tile(np.linspace(0.0, 4.0, half), 2), "s", sequence=True)
+    model: Any = SimpleNamespace(covariates=(time,))
+    left = np.tile([1.0, -1.0], half)
+    left[:half] *= 20.0
+    segments = [np.arange(half), np.arange(half, 2 * half)]
+    assert when_large(model, left, segments) == ""
+    left[:half] /= 20.0
+    left[:100] *= 20.0
+    assert "of it lies at time 0 to 0.99" in when_large(model, left, segments)

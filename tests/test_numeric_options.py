@@ -14,6 +14,8 @@ from typer.testing import CliRunner
 
 from command_lines import SETUP, TOUCHES, command_lines
 from trunnion.cli import app
+from trunnion.cli.diagnose import MAX_NEXT
+from trunnion.models.next_touches import MAX_TOUCHES
 
 RUN = CliRunner().invoke
 
@@ -75,6 +77,32 @@ def leaves(annotation: Any) -> list[Any]:
     if typing.get_origin(annotation) is typing.Annotated:
         inner = inner[:1]
     return [leaf for one in inner for leaf in leaves(one)] if inner else [annotation]
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        (["plan", SETUP, "--c", ""], "--c: got '', expected numbers"),
+        (["plan", SETUP, "--tilt", " , "], "--tilt: got ' , ', expected numbers"),
+        (["plan", SETUP, "--feeds", "", "--for", "EX0C"], "--feeds: got '', expected numbers"),
+        (["observe", SETUP, "--noise-um", "1e-300"], "--noise-um: got 1e-300, expected a number"),
+        (["diagnose", TOUCHES, SETUP, "--next", "5000"], "Invalid value for '--next': "),
+        (["compare", TOUCHES, TOUCHES, "--html", "page.txt"], "got the ending '.txt' (no page)"),
+        (["turning", "finish", "shape.csv", "--picture", "a.xyz"], "--picture: got 'a.xyz', "),
+        (["turning", "path", "none.ngc", "--picture", "a.xyz"], "--picture: got 'a.xyz', "),
+        (["turning", "correct", "a.csv", "b.ngc", "--picture", "a.xyz"], "--picture: got 'a.x"),
+    ],
+)
+def test_what_an_option_cannot_be_is_said_before_anything_is_read(
+    line: list[str], said: str
+) -> None:
+    done = RUN(app, line)
+    assert done.exit_code == 2, done.output
+    assert said in " ".join(done.output.replace("│", " ").split())
+
+
+def test_as_many_touches_are_planned_as_the_library_takes() -> None:
+    assert MAX_NEXT == MAX_TOUCHES
 
 
 OPTIONS = [option for option in numeric_options() if option.name != "--verbose"]

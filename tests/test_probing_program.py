@@ -283,6 +283,7 @@ def test_fast_approaches_are_said(tmp_path: Path) -> None:
     assert "3.2 mm if acceleration_mm_s2 of [control], not stated, is 1000 mm/s^2" in note
     head = tn.probing_program(fast, CROSS).text()
     assert f"({note})" in head
+    assert "The probe must take that" in note
     assert len(note) < 240  # LinuxCNC reads lines of up to 255 characters
     assert note.isascii()
     fast.to_csv(tmp_path / "plan.csv")
@@ -300,6 +301,7 @@ def test_a_slow_machine_goes_on_further_than_an_approach_ends() -> None:
     faster = plan.with_columns(feed_mm_min=np.full(len(plan), 1200.0))
     (note,) = (n for n in tn.plan_notes(faster, slow) if "goes on" in n)
     assert "10 mm at 20 mm/s^2" in note
+    assert "no program is written of it" in note
     with pytest.raises(tn.DataError, match=r"touch 1: .* got 1200, .* goes on by 10 mm .* = 5: "):
         tn.probing_program(faster, slow)
 

@@ -232,6 +232,28 @@ def test_the_page_of_a_verification_says_whether_the_forecast_holds(tmp_path: Pa
         assert f'class="verdict {"good" if holds else "bad"}' in text
 
 
+def test_a_comparison_has_its_notes_and_doubts_where_it_is_read(tmp_path: Path) -> None:
+    axis = tn.read_positioning(tn.sample_path("positioning/axis.csv"))
+    twice = axis[np.tile(np.arange(len(axis)), 2)]
+    worn = axis.with_columns(measured_mm=axis.measured + 2e-3 * axis.direction)
+    page = tn.compare(twice, worn).to_html(tmp_path / "c.html").read_text("utf-8")
+    assert page.index("rows repeat others") < page.index(">Pictures</h2>")
+    same = tn.compare(axis, axis).to_html(tmp_path / "s.html").read_text("utf-8")
+    top = verdict_on(tmp_path / "s.html")
+    assert "has the same readings as before in every row" in top
+    assert "Nothing changed" in top
+    assert 'class="verdict bad' in same
+
+
+def test_pictures_of_a_joint_diagnosis_say_of_which_measurement_they_are(tmp_path: Path) -> None:
+    axis = tn.read_positioning(tn.sample_path("positioning/axis.csv"))
+    other = axis.with_columns(measured_mm=axis.measured + 1e-4 * np.sin(np.arange(len(axis))))
+    page = tn.diagnose([axis, other]).to_html(tmp_path / "j.html").read_text("utf-8")
+    titles = re.findall(r"<figcaption[^>]*>(.*?)</figcaption>", page)
+    assert len(titles) == len(set(titles))
+    assert sum("(positioning 2)" in title for title in titles) > 1
+
+
 # --- one size, one probability, one sense
 
 

@@ -67,6 +67,8 @@ def listed_numbers(what: str, text: str) -> list[float]:
             if count < 1 or count > MAX_LISTED:
                 raise ValueError(text)
             return [first + i * step for i in range(count)]
+        if not text.strip(" ,"):
+            raise ValueError(text)
         return [float(part) for part in text.split(",") if part.strip()]
     except (ValueError, ZeroDivisionError, OverflowError):
         raise InputError(

@@ -18,11 +18,11 @@ from trunnion.base.errors import InputError, TrunnionError
 from trunnion.base.input import path_of
 
 LOG = logging.getLogger("trunnion.files")
-
+PAGE = "a page (HTML)"
 
 WRITTEN = {
     "an NC program": (".ngc", ".nc", ".tap", ".gcode", ".mpf", ".spf"),
-    "a page (HTML)": (".html", ".htm"),
+    PAGE: (".html", ".htm"),
     "a log of touches": (".log",),
     "a table of corrections": (".comp", ".tbl"),
 }
@@ -49,12 +49,13 @@ def check_ending(path: Path, what: str) -> None:
     Raises
     ------
     InputError
-        The ending is known, and not one of this kind.
+        The ending is known, and not one of this kind; of a page any other: a browser shows none.
     """
     ending = path.suffix.lower()
-    if ending in OTHERS and ending not in WRITTEN[what]:
+    known = OTHERS if what != PAGE else {**OTHERS, ending: OTHERS.get(ending, "no page")}
+    if ending in known and ending not in WRITTEN[what]:
         raise InputError(
-            f"{path}: got the ending {path.suffix!r} ({OTHERS[ending]}) for {what}, expected one "
+            f"{path}: got the ending {path.suffix!r} ({known[ending]}) for {what}, expected one "
             f"such as {WRITTEN[what][0]}"
         )
 

@@ -30,6 +30,7 @@ DataAndSetup = Annotated[
 ]
 SAID = 0.005  # probability of settling a doubt, from which a test is recommended
 MAX_FILES, MAX_BATCH = 50, 100_000  # of a joint diagnosis; each by itself
+MAX_NEXT = 1000  # as next_touches takes, known without importing it
 
 
 class Further(TypedDict, total=False):
@@ -87,6 +88,7 @@ def diagnose(
         typer.Option(
             "--next",
             min=0,
+            max=MAX_NEXT,
             help="plan this many touches that discriminate the alternatives; rank further tests",
         ),
     ] = 0,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, TypedDict, cast
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import PROGRAM, Answer, Output, command, group_of, save
+from trunnion.cli.command import PROGRAM, Answer, Output, check_outputs, command, group_of, save
 from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
 from trunnion.cli.given import sort_files
 from trunnion.cli.schema import Printed
@@ -108,6 +108,7 @@ def finish(
     picture: Picture = None,
 ) -> Answer:
     """Write the finishing program of a part from the points of its shape."""
+    _check_picture(picture)
     profile = tn.turning.read_shape(shape)
     head, tail = _frame(dialect, speed_m_min, follows)
     made = profile.finishing(
@@ -168,6 +169,7 @@ def path(
     from trunnion.turning.profile import LOWEST_FEED
 
     within("--probe-feed", probe_feed, LOWEST_FEED)
+    _check_picture(picture)
     with _naming(program):
         profile = tn.turning.Profile.from_program(
             _read(program, dialect),
@@ -231,6 +233,7 @@ def correct(
     picture: Picture = None,
 ) -> Answer:
     """Correct a finishing program for measured diameters; say what that leaves."""
+    _check_picture(picture)
     both, _ = sort_files(files, (2, 2), (0, 0), "diameters and program")
     found = [file for file in both if file.suffix.lower() == ".csv"]
     if len(found) != 1:
@@ -256,6 +259,21 @@ def correct(
     return Answer(got, (got, *saved, _written(got.program, output)))
 
 
+def _check_picture(target: Path | None) -> None:
+    """Refuse a name that no picture can be written to, before anything is computed."""
+    if target is None:
+        return
+    from matplotlib.backend_bases import FigureCanvasBase
+
+    known = FigureCanvasBase.get_supported_filetypes()
+    if target.suffix.lstrip(".").lower() not in known:
+        raise tn.InputError(
+            f"--picture: got {target.name!r}, expected a name that ends in one of "
+            + ", ".join(sorted(known))
+        )
+    check_outputs(target)
+
+
 def _saved(target: Path | None, draw: Callable[[], Figure | SubFigure]) -> tuple[str, ...]:
     """Draw a picture and save it, where one is wanted."""
     if target is None:
@@ -263,13 +281,7 @@ def _saved(target: Path | None, draw: Callable[[], Figure | SubFigure]) -> tuple
     from trunnion.plot.axes import close
 
     whole = draw().get_figure(root=True)
-    known = whole.canvas.get_supported_filetypes()
     try:
-        if target.suffix.lstrip(".").lower() not in known:
-            raise tn.InputError(
-                f"picture: got {target.name!r}, expected a name that ends in one of "
-                + ", ".join(sorted(known))
-            )
         return (save(target, lambda path: whole.savefig(path, dpi=130)),)
     finally:
         close(whole)  # pyplot would keep it

@@ -15,6 +15,7 @@ from trunnion.diagnosis.scan import Dictionary, Term
 
 LARGER = 4.0  # in variance than the middle block of readings: the residual is large there
 MAX_STRETCHES = 3
+WHOLE = 0.9  # of the time of all readings: a stretch as long says nothing of when
 MIN_STRETCHED = 0.25  # of the variance, that the largest stretches are named for
 
 
@@ -58,7 +59,7 @@ def _remaining(case: Case, f: Fit, terms: Sequence[tuple[Term, float]]) -> str |
         said = " or ".join(term.sentence() for term, _ in terms)
         text += f"; it depends on {said}: {100 * terms[0][1]:.0f} % of its variance"
     places = [case.rows[some] for some in segments]
-    return text + _when(case.model, left, places)
+    return text + when_large(case.model, left, places)
 
 
 def _goes_with(case: Case, f: Fit, segments: Sequence[Integers]) -> list[tuple[Term, float]]:
@@ -78,7 +79,7 @@ def _goes_with(case: Case, f: Fit, segments: Sequence[Integers]) -> list[tuple[T
     return [(known.term(best), float(share[best]))] if np.any(worth > 0) else []
 
 
-def _when(model: Model, left: Floats, segments: Sequence[Integers]) -> str:
+def when_large(model: Model, left: Floats, segments: Sequence[Integers]) -> str:
     """Say where in the sequence of readings the residual is largest, if it is so anywhere."""
     along = next((c for c in model.covariates if c.sequence), None)
     if along is None:
@@ -102,6 +103,9 @@ def _when(model: Model, left: Floats, segments: Sequence[Integers]) -> str:
     if share < MIN_STRETCHED:
         return ""
     values = np.asarray(along.values, dtype=np.float64)
+    whole = float(np.ptp(values[np.concatenate(segments)]))
+    if any(float(np.ptp(values[rows])) > WHOLE * whole for _, rows in some):
+        return ""  # of one axis, or of one run, throughout: when says nothing
     some.sort(key=lambda s: int(s[1][0]))
     said = ", ".join(
         f"{values[rows].min():.4g} to {with_unit(f'{values[rows].max():.4g}', along.unit)}"

@@ -41,7 +41,7 @@ from trunnion.plot.picture import (
     line,
     points,
 )
-from trunnion.plot.statistics import correlation_picture, normal_picture, order_picture
+from trunnion.plot.statistics import NORMAL, correlation_picture, normal_picture, order_picture
 from trunnion.plot.style import SENSES
 from trunnion.setup.names import error_label
 
@@ -333,7 +333,7 @@ def diagnostics(d: Diagnosis, name: Callable[[str], str] = str) -> list[Picture]
         title = f"Residuals, in the order of the file{several}"
         out += [
             order_picture(left[order], unit, rows=rows[order], title=title),
-            normal_picture(left, unit, rows=rows),
+            normal_picture(left, unit, rows=rows, title=f"{NORMAL}{several}"),
         ]
     model = d.model
     if isinstance(model, Estimate) and model.names:

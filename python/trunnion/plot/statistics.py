@@ -33,6 +33,8 @@ MAX_CODE = 6
 ROOM = 0.14
 """Of the length of the longest bar, for the number beside it."""
 
+NORMAL = "Are the residuals normal noise?"
+
 
 def order_picture(
     residuals: Floats,
@@ -58,7 +60,9 @@ def order_picture(
     )
 
 
-def normal_picture(residuals: Floats, unit: str, *, rows: Integers | None = None) -> Picture:
+def normal_picture(
+    residuals: Floats, unit: str, *, rows: Integers | None = None, title: str = NORMAL
+) -> Picture:
     """Quantiles of residuals (n,) against those of normal noise: a straight line if they are."""
     order = np.argsort(residuals, kind="stable")
     n = len(order)
@@ -68,7 +72,7 @@ def normal_picture(residuals: Floats, unit: str, *, rows: Integers | None = None
     ends = np.array([expected[0], expected[-1]]) if n else np.zeros(2)
     mine = None if rows is None else rows[order]
     return Picture(
-        "Are the residuals normal noise?",
+        title,
         Axis("Expected of normal noise", "standard deviations"),
         Axis("Residual", unit),
         (

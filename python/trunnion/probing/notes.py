@@ -78,10 +78,16 @@ def fast_approaches(feeds_mm_min: Sequence[float], setup: Setup) -> list[str]:
     if feed <= FAST_MM_MIN and not (stated and further_mm > setup.plan.overtravel_mm):
         return []
     at = "" if stated else " if acceleration_mm_s2 of [control], not stated, is"
+    so = "The probe must take that."
+    if further_mm > (limit := setup.plan.overtravel_mm):
+        so = (
+            f"That is more than [plan] overtravel_mm = {limit:g}: nothing but the end of the "
+            "approach would stop it, and no program is written of it."
+        )
     return [
         f"Touch {feeds_mm_min.index(feed) + 1} approaches at {feed:g} mm/min: the ball goes on by "
         f"feed^2 / 2 acceleration, {further_mm:.3g} mm{at or ' at'} {stated or USUAL_MM_S2:g} "
-        "mm/s^2. The probe must take that. Is its feed_mm_min right?"
+        f"mm/s^2. {so} Is its feed_mm_min right?"
     ]
 
 

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from trunnion.base.arguments import checked
-from trunnion.base.checks import instance, positive
+from trunnion.base.checks import instance, within
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
 from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats, unit_of
 from trunnion.data.touches import Touches
+from trunnion.files.columns import LARGEST, SMALLEST
 from trunnion.machine.effects import PLACEMENT, split_effects
 from trunnion.machine.estimate import Combinations, bias_in_words, in_words, named_combination
 from trunnion.machine.unnoticed import unnoticed
@@ -193,9 +194,9 @@ def observability(
     instance("plan", plan, Touches, "Touches, as plan or read_touches gives them")
     instance("setup", setup, Setup, "a Setup, as read_setup gives it")
     plan = as_recorded(plan, setup)
-    sigma = positive(
-        "noise_um", known_sigma_um(setup, plan) or 1.0 if noise_um is None else noise_um
-    )
+    sigma = known_sigma_um(setup, plan) or 1.0
+    if noise_um is not None:
+        sigma = within("noise_um", noise_um, SMALLEST, LARGEST["µm"], "µm")
     ids, own = split_effects(effects)
     if own:
         raise InputError(f"effects: got {own[0].id!r}, expected ids of the catalogue")

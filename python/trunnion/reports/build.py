@@ -141,21 +141,23 @@ def _correlation(result: Estimate) -> list[Item]:
 
 def _comparison(result: MachineComparison, source: Source) -> Document:
     """What changed, with the change and its uncertainty before all else."""
-    first, *more = result.sentences()
+    doubts = len(result.mistakes)
+    first, *more = result.sentences()[doubts:]
     tables = result.tables()
     known = [one for one in more if not one.startswith(("Not changed", "Level"))]
-    mark = Mark.DOUBT if result.changed else Mark.GOOD
+    mark = Mark.BAD if doubts else Mark.DOUBT if result.changed else Mark.GOOD
     count = len(result.changed)
     said = f"{count} of {len(result.quantities)} quantities changed" if count else "nothing changed"
     sections = (
         Section("Pictures", tuple(drawn(result))),
         Section("Measurements", (_measurements(result, source),)),
-        Section("What else is known", (Points(tuple(known)),) if known else ()),
         Section("Over time", tables[1:]),
         source.section(),
     )
-    top = (_changes(result), _by_noise(result))
-    return Document(f"Comparison: {said}", source.subtitle(), mark, first, top, sections)
+    notes = (Points(tuple(known), "What else is known"),) if known else ()
+    top = (_changes(result), _by_noise(result), *notes)
+    text = " ".join((*result.mistakes, first))
+    return Document(f"Comparison: {said}", source.subtitle(), mark, text, top, sections)
 
 
 def _verification(result: BallVerification, source: Source) -> Document:

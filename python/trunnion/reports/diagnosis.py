@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from typing import Any
 
 from trunnion.base.report import Result, Shown, Table, significant
@@ -149,9 +150,22 @@ def _judged(result: Result, source: Source) -> Table:
 
 def _measurement(d: Diagnosis, source: Source, standard: list[Result]) -> list[Item]:
     """Pictures of the readings as the field draws them."""
-    own = [p for one in source.data for p in drawn(one, **_shown_of(d, one))]
+    names = getattr(d.model, "measurements", ())
+    names = names if len(names) == len(source.data) > 1 else [""] * len(source.data)
+    own = [
+        _titled(p, name)
+        for name, one in zip(names, source.data, strict=True)
+        for p in drawn(one, **_shown_of(d, one))
+    ]
     shown = own or [p for r in standard for p in drawn(r)]
     return [hovered(p, source.data) if isinstance(p, Picture) else p for p in shown[:MAX_PICTURES]]
+
+
+def _titled(item: Item, name: str) -> Item:
+    """Return a picture of one of several measurements with its name in the title."""
+    if not name or not isinstance(item, Picture):
+        return item
+    return replace(item, title=f"{item.title} ({name})")
 
 
 def _figures(standard: list[Result]) -> list[Item]:

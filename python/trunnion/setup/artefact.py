@@ -24,6 +24,9 @@ from trunnion.setup.fields import (
 )
 from trunnion.setup.holders import CHUCKS, PLATES, VISES, Holder, seat_mm, vise_boxes
 
+MM_PER_INCH = 25.4
+FEW_MM = 20.0
+"""Length of a cross below which it is likely in inches."""
 DIMENSIONS: Mapping[str, tuple[str, ...]] = {
     "cross": ("length_mm", "width_mm", "height_mm"),
     "cuboid": ("length_mm", "width_mm", "height_mm"),
@@ -165,6 +168,8 @@ class Artefact(Part):
         self._check_holder()
         if self.kind == "cross" and self.width_mm >= self.length_mm:
             limit = f"less than artefact.length_mm = {self.length_mm:g}: a cross has arms"
+            if self.width_mm < MM_PER_INCH * self.length_mm and self.length_mm < FEW_MM:
+                limit += f" (is length_mm in inches, {MM_PER_INCH * self.length_mm:g} mm?)"
             raise self.refuse("width_mm", limit)
         if self.calibration_arcsec and self.kind != "cross":
             raise self.refuse("calibration_arcsec", f"0: no squareness of a {self.kind} is fitted")

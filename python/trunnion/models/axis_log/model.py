@@ -149,7 +149,12 @@ class AxisLogModel(Model):
     @property
     def remarks(self) -> tuple[str, ...]:
         """Say which further columns are no inputs."""
-        return self._inputs.remarks()
+        size = self._blocks.size
+        means = (
+            f"Each reading is the mean of {size} samples in a row: noise and residual are of such "
+            "means, not of one sample.",
+        )
+        return (*self._inputs.remarks(), *(means if size > 1 else ()))
 
     @property
     def scale_doubts(self) -> tuple[str, ...]:
