@@ -389,3 +389,33 @@ def test_terms_that_causes_make_are_those_by_least_squares_of_their_columns(
     monkeypatch.setattr(candidates, "MANY_ROWS", 0)
     assert tn.diagnose(data, setup).named == few.named
     assert asked == of_few
+
+
+def shifted(seed: int) -> tuple[tn.Diagnosis, tn.Setup]:
+    """A shift before the last six touches, of which none is along X of the table."""
+    setup = tn.Setup(tn.Artefact("cross"))
+    plan = tn.plan(setup, c_deg=(0, 90, 180, 270), a_deg=(90, -90))
+    last = tn.simulate(plan, setup)["time_s"][-6:]
+    shift = {"dx_um": 30.0, "dy_um": -20.0, "dz_um": 50.0, "t0_s": float(last[0]) - 0.5}
+    touches = tn.simulate(
+        plan, setup, {"EX0C": 20.0}, effects={"setup_shift": shift}, noise_um=0.5, seed=seed
+    )
+    return tn.diagnose(touches, setup), setup
+
+
+@pytest.mark.parametrize("seed", range(60, 66))
+def test_a_shift_that_no_touch_shows_in_x_is_found_in_y_and_z(seed: int) -> None:
+    """Errors of the machine make a little of X show: a step along it went 12 mm."""
+    d, _ = shifted(seed)
+    cause = next(c for c in d.causes if c.id == "setup_shift")
+    assert cause.std_errors["dx_um"] == np.inf
+    assert cause.parameters["dx_um"] == 0.0
+    for name, true in (("dy_um", -20.0), ("dz_um", 50.0)):
+        assert cause.parameters[name] == pytest.approx(true, abs=4 * cause.std_errors[name])
+        assert cause.std_errors[name] < 1.0
+    assert d.gain.rms_after_um < 0.7
+
+
+def test_a_size_that_is_not_known_is_said_to_be_the_size() -> None:
+    cause = tn.Cause("change_EY0C", {"change_um": 3.0}, {"change_um": np.inf}, 1e-6)
+    assert cause.size() == "size not identifiable"

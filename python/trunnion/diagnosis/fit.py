@@ -1,8 +1,9 @@
 """Least squares of a model with its nuisance parameters and a set of effects.
 
-What the readings do not identify of the nuisance parameters is decided at the model's start, where
-dependencies are exact, and stays there (:mod:`trunnion.base.statistics`): at the end of a fit
-leftovers of second order look like information. A fit moves in the directions that are left.
+What the readings do not identify of the nuisance parameters, and of effects that act on some of
+them, is decided at the model's start, where dependencies are exact, and stays there
+(:mod:`trunnion.base.statistics`): at the end of a fit leftovers of second order look like
+information. A fit moves in the directions that are left.
 """
 
 import itertools
@@ -28,7 +29,7 @@ from trunnion.base.units import Floats as Array
 from trunnion.base.units import Integers as IntArray
 from trunnion.diagnosis.columns import DEPENDENT
 from trunnion.diagnosis.effect import Effect, Values
-from trunnion.diagnosis.gains import gains_at
+from trunnion.diagnosis.gains import gains_at, zoom_one
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.whitening import Whiten
 
@@ -37,8 +38,6 @@ Flags: TypeAlias = NDArray[np.bool_]
 MAX_STEPS = 12
 ABSORBED_SHARE = DEPENDENT**0.5
 MAX_HALVINGS = 6
-GRID_ZOOMS = 2
-ZOOM_POINTS = 9
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,6 +158,7 @@ def fit(
     at = _Point(start.copy(), {k: Values(v) for k, v in values.items()})
     if not all(e.linear for e in effects):
         _zoom(problem, at)
+        problem.judge(at)
     r = problem.residuals(at)
     w = problem.used(r)
     rss = float(w @ w)
@@ -269,6 +269,7 @@ class _Problem:
     """What stays the same during a fit."""
 
     jacobian: Array | None = None  # of many rows, place of the last one: the next replaces it
+    lost: Array | None = None  # combinations with effects that are not identifiable at the start
     at_start: Array | None = None  # derivative without effects at the model's start, until asked
 
     def __init__(
@@ -291,6 +292,27 @@ class _Problem:
         self.directions = np.eye(rank + len(self.index), p + len(self.index), p - rank)
         self.directions[:rank, :p] = self.judged.directions
         self.every = np.array_equal(self.directions, np.eye(len(self.directions)))
+
+    def judge(self, at: _Point) -> None:
+        """Let effects that are not linear move as the readings identify them at the model's start.
+
+        Such an effect acts on some readings only (a shift on those behind its time): away from the
+        start a parameter that none of these shows has a small column, by which a step is huge.
+        """
+        model, start = self.model, self.model.start
+        effects = [e for e in self.effects if not e.linear]
+        base = self.used(model.jacobian(start, {})) @ self.judged.directions.T
+        own = [model.linear_columns(start, e, [at.values[e.id]])[0].T for e in effects]
+        joined = beside([base, self.used(beside(own))])
+        found = linear_fit(joined, np.zeros(len(joined)), tolerance=model.rank_tolerance)
+        if not found.held.any():
+            return
+        is_judged = np.array([p.linear and not e.linear for e, p in self.index])
+        each = self.directions[len(self.judged.directions) :]
+        to_all = np.concatenate([self.directions[: base.shape[1]], each[is_judged]])
+        self.directions = np.concatenate([found.directions @ to_all, each[~is_judged]])
+        self.lost = found.combinations @ to_all
+        self.every = False
 
     def used(self, a: Array) -> Array:
         """Whiten an array of all readings and take those that are used."""
@@ -321,6 +343,8 @@ class _Problem:
         """Parameters of combinations that are not identifiable at the start, or ``solved``."""
         out: Flags = (solved.combinations @ self.directions != 0).any(axis=0)
         out[: len(self.judged.held)] |= self.judged.not_identifiable
+        if self.lost is not None:
+            out |= (self.lost != 0).any(axis=0)
         return out
 
     def combinations(self, solved: LinearFit) -> Array:
@@ -328,7 +352,8 @@ class _Problem:
         own = self.judged.combinations
         first = np.zeros((len(own), self.directions.shape[1]))
         first[:, : own.shape[1]] = own
-        return np.concatenate([first, solved.combinations @ self.directions])
+        lost = [] if self.lost is None else [self.lost]
+        return np.concatenate([first, *lost, solved.combinations @ self.directions])
 
     def beyond(self, at: _Point, step: Array) -> Flags:
         """Which parameters a step would take beyond their bounds, (p,)."""
@@ -432,7 +457,7 @@ def _zoom(problem: _Problem, at: _Point) -> None:
                 return several(e, [Values({**values[e.id], name: t}) for t in trials.tolist()])
 
             gains = partial(gains_at, made, basis=q, residual=residual)
-            _zoom_one(p.name, np.asarray(p.grid), values[e.id], gains)
+            zoom_one(p.name, np.asarray(p.grid), values[e.id], gains)
         others.set(e)
 
 
@@ -470,24 +495,3 @@ class _Others:
         """Take the columns of an effect at other values."""
         if self._own:
             self._every[:, self._own[e.id]] = self._columns(e)
-
-
-def _zoom_one(name: str, grid: Array, values: Values, gains_of: Callable[[Array], Array]) -> None:
-    """Refine one nonlinear parameter for the largest gain, in place."""
-    at = int(np.argmin(np.abs(grid - values[name])))
-    low = float(grid[max(at - 1, 0)])
-    high = float(grid[min(at + 1, len(grid) - 1)])
-    for _ in range(GRID_ZOOMS):
-        trials = np.linspace(low, high, ZOOM_POINTS)
-        gains = gains_of(trials)
-        # the middle of equally good values: between two touches a slip's time is free
-        good = gains >= gains.max() * (1 - 1e-12)
-        top = np.flatnonzero(good)
-        first = last = int(top[len(top) // 2])
-        while first > 0 and good[first - 1]:
-            first -= 1
-        while last < ZOOM_POINTS - 1 and good[last + 1]:
-            last += 1
-        values[name] = float(trials[first] + trials[last]) / 2
-        low = float(trials[max(first - 1, 0)])
-        high = float(trials[min(last + 1, ZOOM_POINTS - 1)])

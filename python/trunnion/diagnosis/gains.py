@@ -1,4 +1,4 @@
-"""What columns explain of a residual beside an orthonormal basis."""
+"""What columns explain of a residual beside an orthonormal basis, and where they explain most."""
 
 from collections.abc import Callable
 
@@ -6,9 +6,12 @@ import numpy as np
 
 from trunnion.base.statistics import RANK_TOLERANCE, Spanned
 from trunnion.base.units import Floats as Array
+from trunnion.diagnosis.effect import Values
 
 GONE = 1e-12  # of a squared column, what rounding leaves of it
 TRIALS_AT_ONCE = 16
+GRID_ZOOMS = 2
+ZOOM_POINTS = 9
 
 
 def gains_at(
@@ -43,3 +46,24 @@ def gains_beside(variants: Array, basis: Array | Spanned, residual: Array) -> Ar
     seen = share > RANK_TOLERANCE**2 * share.max(axis=1, initial=GONE, keepdims=True)
     along = ((flat @ residual).reshape(v, 1, k) / size[:, None] @ ways)[:, 0]
     return np.asarray(np.sum(np.where(seen, along**2 / np.where(seen, share, 1.0), 0.0), axis=1))
+
+
+def zoom_one(name: str, grid: Array, values: Values, gains_of: Callable[[Array], Array]) -> None:
+    """Refine one nonlinear parameter for the largest gain, in place."""
+    at = int(np.argmin(np.abs(grid - values[name])))
+    low = float(grid[max(at - 1, 0)])
+    high = float(grid[min(at + 1, len(grid) - 1)])
+    for _ in range(GRID_ZOOMS):
+        trials = np.linspace(low, high, ZOOM_POINTS)
+        gains = gains_of(trials)
+        # the middle of equally good values: between two touches a slip's time is free
+        good = gains >= gains.max() * (1 - 1e-12)
+        top = np.flatnonzero(good)
+        first = last = int(top[len(top) // 2])
+        while first > 0 and good[first - 1]:
+            first -= 1
+        while last < ZOOM_POINTS - 1 and good[last + 1]:
+            last += 1
+        values[name] = float(trials[first] + trials[last]) / 2
+        low = float(trials[max(first - 1, 0)])
+        high = float(trials[min(last + 1, ZOOM_POINTS - 1)])

@@ -108,9 +108,9 @@ class Cause(Result):
             name: value_in_words(value, coverage * self.std_errors[name], unit_of(name))
             for name, value in self.parameters.items()
         }
-        if len(said) == 1:
-            return next(iter(said.values()))
         known = [k for k in said if np.isfinite(self.std_errors[k])]
+        if len(said) == 1:
+            return next(iter(said.values())) if known else "size not identifiable"
         named = {
             k: f"{parameter_words(k)} {'= ' if k in known else ''}{text}"
             for k, text in said.items()
