@@ -19,10 +19,14 @@ from trunnion.setup import Artefact, Setup
 Floats = NDArray[np.float64]
 
 SETUP = Setup(artefact=Artefact("none"), servo=ct.Servo.paper().to_table())
-C = 4
+X, C = 0, 4
 PROMISE = 0.97
 SEED = 15
 CUT = 400  # rows at the beginning of a run, after which every axis is at speed
+RADIUS = 5.0  # of a circle, mm
+FEEDS = (2000 / 60, 4000 / 60)
+NEAR = (-20, 60)  # rows from a reversal of the command, where a log begins
+FAR = 4.0  # standard errors
 
 
 @cache
@@ -87,3 +91,73 @@ def test_a_log_that_begins_in_motion_begins_with_its_play_taken_up() -> None:
         d = tn.diagnose(log([a[i] for a in actual], rng, j, CUT), SETUP)
         good += right(d, f"backlash_{twin.AXES[j].lower()}")
     assert kept(good, runs, PROMISE)
+
+
+@cache
+def circles() -> tuple[Floats, ...]:
+    """Commands of X on a circle, (rows, 5): two turns at each feed, from a place of no reversal."""
+    turns = []
+    for feed in FEEDS:
+        at = np.arange(0.0, 4 * np.pi, feed / RADIUS * twin.PERIOD)
+        turns.append(np.outer(RADIUS * np.sin(at + 0.3), np.eye(5)[X]))
+    return tuple(turns)
+
+
+def turns_at(command: Floats) -> int:
+    """Row at which X turns back in its first turn, once the twin has forgotten its start."""
+    back = np.flatnonzero(np.diff(np.sign(np.diff(command[:, X]))) != 0) + 1
+    return int(back[back > 0.3 * len(command)][0])
+
+
+def begun(command: Floats, actual: Floats, row: int) -> tuple[Floats, Floats]:
+    """One turn from a row on."""
+    rows = slice(row, row + len(command) // 2)
+    return command[rows], actual[rows]
+
+
+def x_log(windows: list[tuple[Floats, Floats]], rng: np.random.Generator) -> tn.AxisLog:
+    whole = twin.log([c for c, _ in windows], [a for _, a in windows], rng)
+    names = ("time_s", "run", "x_cmd_mm", "x_act_mm")
+    return tn.AxisLog(**{name: np.asarray(whole.columns[name]) for name in names})
+
+
+def test_a_log_that_begins_near_a_reversal_names_backlash_and_friction_by_their_sizes() -> None:
+    """Its play was taken for that of an axis which came from rest, its friction for that of one."""
+    runs, rng = needed_runs(PROMISE), np.random.default_rng(SEED + 2)
+    cases, sizes = twin.Cases(runs), []
+    for i in range(runs):
+        at, most = ((cases.backlash, 8.0), (cases.friction, 5.0))[i % 2]
+        sizes.append(float(rng.uniform(1.0, most)))
+        at[i, X] = sizes[-1] * twin.SMALL[X]
+    actual = [twin.actual(c, cases) for c in circles()]
+    good = 0
+    for i, size in enumerate(sizes):
+        k = int(rng.integers(*NEAR))
+        windows = [begun(c, a[i], turns_at(c) + k) for c, a in zip(circles(), actual, strict=True)]
+        d = tn.diagnose(x_log(windows, rng), SETUP)
+        truth = ("backlash_x", "friction_x")[i % 2]
+        named = [c for c in d.causes if c.id == truth]
+        near = all(
+            abs(value - size) <= FAR * c.std_errors[name]
+            for c in named
+            for name, value in c.parameters.items()
+        )
+        good += right(d, truth) and near
+    assert kept(good, runs, PROMISE)
+
+
+def test_rows_just_after_a_reversal_are_left_out_and_said() -> None:
+    rng = np.random.default_rng(SEED + 3)
+    actual = [twin.actual(c, twin.Cases(1))[0] for c in circles()]
+    for k, turned in ((-20, False), (5, True), (120, False)):
+        windows = [begun(c, a, turns_at(c) + k) for c, a in zip(circles(), actual, strict=True)]
+        model = tn.AxisLogModel(x_log(windows, rng), SETUP)
+        assert [run.left_out > 0 for run in model.runs] == [turned, turned]
+        assert len(model.remarks) == 2 * turned
+        for run, feed in zip(model.runs, FEEDS, strict=True):
+            # A way of R (1 - cos) of 25 µm since the axis turned, 1/K after its command.
+            way_s = np.arccos(1 - 0.025 / RADIUS) * RADIUS / feed
+            expected = 1e3 * (way_s + 1 / twin.GAIN[X]) - k
+            assert not turned or abs(run.left_out - expected) < 3
+    from_rest = [(c[:900], twin.actual(c[:900], twin.Cases(1))[0]) for c in commands()]
+    assert all(run.left_out == 0 for run in tn.AxisLogModel(x_log(from_rest, rng), SETUP).runs)

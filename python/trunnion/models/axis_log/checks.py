@@ -136,7 +136,7 @@ def check_motion(signal: AxisSignal) -> None:
             f"says for {name}_cmd_{unit}, expected about 1: both in {unit}, of one axis"
             f"{_unit_said(f'{name}_act_{unit}', ratio)}"
         )
-    speed = np.empty(len(actual))
+    speed = np.zeros(len(signal.commanded))
     for run in signal.runs:
         speed[run.rows] = np.gradient(signal.commanded[run.rows], run.period_s)
     late_s = float(speed @ (signal.commanded - signal.actual) / (speed @ speed))

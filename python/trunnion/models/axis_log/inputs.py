@@ -97,7 +97,7 @@ def _share_of(values: Floats, axis: AxisSignal, window: int) -> float:
     from scipy.signal import savgol_filter  # it imports scipy.stats: only where there is a column
 
     actual, commanded = axis.actual.copy(), axis.commanded
-    speed, rate, acceleration = (np.empty_like(actual) for _ in range(3))
+    speed, rate, acceleration = (np.zeros_like(actual) for _ in range(3))
     for run in axis.runs:
         rows, period = run.rows, run.period_s
         rate[rows] = np.gradient(commanded[rows], period)

@@ -18,6 +18,7 @@ from trunnion.diagnosis.noise import Channel, whitener
 from trunnion.diagnosis.own_effects import with_own
 from trunnion.machine.estimate import Estimate
 from trunnion.machine.geometry import made_with
+from trunnion.models.axis_log.beginnings import settled
 from trunnion.models.axis_log.checks import check_axis, check_loops, check_servo, has_tip
 from trunnion.models.axis_log.columns import Places, Signals, on_readings
 from trunnion.models.axis_log.effects import (
@@ -30,7 +31,15 @@ from trunnion.models.axis_log.effects import (
 )
 from trunnion.models.axis_log.inputs import Inputs
 from trunnion.models.axis_log.near import Point, near
-from trunnion.models.axis_log.signals import TIP_COLUMNS, AxisSignal, Blocks, Run, ToolTip, runs_of
+from trunnion.models.axis_log.signals import (
+    TIP_COLUMNS,
+    AxisSignal,
+    Blocks,
+    Run,
+    ToolTip,
+    Units,
+    runs_of,
+)
 from trunnion.models.axis_log.steps import LogSteps, Rounded, may_matter, without_steps
 from trunnion.setup import Setup
 
@@ -109,7 +118,8 @@ class AxisLogModel(Model):
         self.servo = Servo.from_setup(setup)
         self.axes = tuple(letter.upper() for letter in log.axes)
         check_servo(self.axes, self.servo)
-        self.runs = runs_of(log, self.servo)
+        commanded = {x: Units.of(x).scale * log.commanded(x.lower()) for x in self.axes}
+        self.runs = settled(runs_of(log, self.servo), commanded, self.servo)
         self.has_tip = has_tip(log)
         channels = len(self.axes) + (len(TIP_COLUMNS) if self.has_tip else 0)
         self._blocks = Blocks(self.runs, len(self.axes), channels, block)
@@ -148,13 +158,20 @@ class AxisLogModel(Model):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Say which further columns are no inputs."""
+        """Say which rows are left out, what a reading is, and which columns are no inputs."""
+        left_out = (
+            f"The first {1e3 * run.left_out * run.period_s:.3g} ms of run "
+            f"{self._label(run).removeprefix('_') or 1} ({run.left_out} rows) are left out: an "
+            "axis has just turned there, and how its play is taken up is not known."
+            for run in self.runs
+            if run.left_out
+        )
         size = self._blocks.size
         means = (
             f"Each reading is the mean of {size} samples in a row: noise and residual are of such "
             "means, not of one sample.",
         )
-        return (*self._inputs.remarks(), *(means if size > 1 else ()))
+        return (*left_out, *self._inputs.remarks(), *(means if size > 1 else ()))
 
     @property
     def scale_doubts(self) -> tuple[str, ...]:

@@ -18,25 +18,27 @@ from trunnion.base.units import Floats, Integers
 from trunnion.contouring.servo import ROTARY, Axis, Feedback, Servo, numbers
 from trunnion.data.axis_log import AxisLog
 from trunnion.machine.chain import Chain
+from trunnion.models.axis_log.beginnings import MIN_SAMPLES, MOVING, first_state
 from trunnion.setup import Setup
 
 MAX_READINGS = 4500
-MIN_SAMPLES = 20  # of a run
 MAX_SUBSTEPS = 100  # control periods between two samples
 START_STEP = 0.1  # µm and µm/ms, arcsec and arcsec/ms, over which the free response is differenced
-BEGINNING = 9  # rows, from which the state is taken that a run begins in
-MOVING = 10.0  # µm or arcsec behind its first command, from which on an axis begins in motion
 MAX_BATCH = 2_000_000  # numbers in one batch of responses: 16 MB
 TIP_COLUMNS = ("tip_x_mm", "tip_y_mm", "tip_z_mm")
 
 
 @dataclass(frozen=True)
 class Run:
-    """Rows of one run, evenly sampled, each a whole number of control periods after the last."""
+    """Rows of one run, evenly sampled, each a whole number of control periods after the last.
+
+    ``left_out``: rows of the log before them that are of the same run (:mod:`.beginnings`).
+    """
 
     rows: slice
     period_s: float
     substeps: int
+    left_out: int = 0
 
     @property
     def control_s(self) -> float:
@@ -80,7 +82,7 @@ class Blocks:
     size: Samples in a block; by default so many that the axes have `MAX_READINGS` at most.
 
     starts: First row of each block, shape (blocks,).
-    total: Count of rows.
+    total: Count of rows, with those of no run.
     channel_of, run_of: Channel and run of each reading, shape (n,).
     groups: Runs; of a single run five blocks of time, shape (n,).
     """
@@ -96,7 +98,7 @@ class Blocks:
             for run, count in zip(runs, counts, strict=True)
         ]
         self._whole = [run.rows for run in runs]
-        self.total = sum(run.count for run in runs)
+        self.total = runs[-1].rows.stop
         self.starts: Integers = np.concatenate(
             [np.arange(rows.start, rows.stop, self.size) for rows in self._used]
         )
@@ -131,7 +133,7 @@ class Blocks:
     def between(self, values: Floats) -> Floats:
         """By row of the log, what blocks of one channel are: linear between their middles."""
         middles = self.starts + (self.size - 1) / 2
-        out, done = np.empty(self.total), 0
+        out, done = np.zeros(self.total), 0
         for rows, whole in zip(self._used, self._whole, strict=True):
             some = slice(done, done + (rows.stop - rows.start) // self.size)
             out[whole] = np.interp(np.arange(whole.start, whole.stop), middles[some], values[some])
@@ -160,8 +162,8 @@ class AxisSignal:
     feedback: Which position the loop is closed on.
     commanded, actual: Positions by row, mm or deg, shape (rows,).
     runs, blocks: Of the log.
-    starts: How far each run begins ahead of its first command, and its speed then, µm (arcsec) and
-        µm/ms, shape (runs, 2); None: as recorded (`begins`).
+    starts: How far the load is ahead of the first command where each run begins, and its speed
+        then, µm (arcsec) and µm/ms, shape (runs, 2); None: as recorded (`begins`).
     command_step: Step that was taken off the commanded positions, mm or deg; 0: none.
     log_delay_ms: Actual positions are recorded as those of so much earlier.
     """
@@ -197,16 +199,12 @@ class AxisSignal:
         """
         if self.starts is not None:
             return self.starts
-        out = np.zeros((len(self.runs), 2))
-        for i, run in enumerate(self.runs):
-            rows = slice(run.rows.start, run.rows.start + BEGINNING)
-            time = run.period_s * np.arange(len(self.actual[rows]))
-            step = self.commanded[rows][1] - self.commanded[rows][0]
-            follows = abs(step) / (run.period_s * self.nominal.gain_per_s)
-            if self.units.scale * follows > MOVING:
-                _, speed, at = np.polyfit(time, self.actual[rows] - self.commanded[rows][0], 2)
-                out[i] = self.units.scale * at, 1e-3 * self.units.scale * speed
-        return out
+        lag, moving = 1.0 / self.nominal.gain_per_s, MOVING / self.units.scale
+        states = [
+            first_state(self.commanded[r.rows], self.actual[r.rows], r.period_s, lag, moving)
+            for r in self.runs
+        ]
+        return self.units.scale * np.array(states) * [1.0, 1e-3]
 
     # --- the servo model
 
@@ -291,7 +289,7 @@ class AxisSignal:
     ) -> Floats:
         """The same, as they are at the time of each row."""
         each = numbers(servos)
-        out = np.empty((len(servos), len(self.commanded)))
+        out = np.tile(self.commanded, (len(servos), 1))  # rows of no run: as commanded
         some = np.zeros((len(self.runs), 2)) if starts is None else starts * [1.0, 1e3]
         some = np.broadcast_to(some / self.units.scale, (len(servos), len(self.runs), 2))
         for i, (run, command) in enumerate(zip(self.runs, fine, strict=True)):
@@ -315,7 +313,7 @@ class AxisSignal:
 
     def free(self) -> Floats:
         """Free response to 1 µm (arcsec) and to 1 µm a ms at the start of a run, (rows, 2)."""
-        out = np.empty((len(self.commanded), 2))
+        out = np.zeros((len(self.commanded), 2))
         if self.starts is not None:
             moved = self.starts + START_STEP * np.eye(2)[:, None, :]
             y = self._follow([self.servo] * 2, self.feedback, self._fine_commands, moved)
@@ -339,7 +337,7 @@ class AxisSignal:
         """
         if not delay_ms or not np.all(np.isfinite(positions)):
             return positions
-        out = np.empty_like(positions)
+        out = positions.copy()
         for run in self.runs:
             y = positions[..., run.rows]
             at = np.arange(run.count) - delay_ms * 1e-3 / run.period_s

@@ -288,16 +288,18 @@ impl Drive {
         Ok(drive)
     }
 
-    /// Let the axis be `ahead` of where it stands and move at a speed, as it does when a log begins.
+    /// Let the load be `ahead` of where it stands and move at a speed, as it does when a log begins.
     ///
-    /// `gone`: how far it has gone this way since it stood; so far is its play taken up. Where the
-    /// load is in the play of an axis that stands is not known: in the middle.
+    /// `gone`: how far it has gone this way since it stood; so far is its play taken up, and the
+    /// motor before it. Where the load is in the play of an axis that stands is not known: in the
+    /// middle.
     pub fn start(&mut self, ahead: f64, speed: f64, gone: f64) {
         let half = 0.5 * self.axis.backlash;
-        self.y += ahead;
+        let motor = ahead + gone.max(-half).min(half);
+        self.y += motor;
         self.v = speed;
-        self.q = [self.q[0] + ahead, speed];
-        self.play += ahead - gone.max(-half).min(half);
+        self.q = [self.q[0] + motor, speed];
+        self.play += ahead;
         self.commands = [speed; MAX_DELAY];
         self.load = self.load_position();
     }
@@ -441,7 +443,7 @@ fn gone_before(commands: &[f64]) -> f64 {
 
 /// Load positions of drives with each of many parameters that follow the same commands, one a control
 /// period; every `stride`-th of them, one drive after the other. On all cores. `starts`: of each drive,
-/// how far it begins ahead of the first command, and its speed then.
+/// how far its load begins ahead of the first command, and its speed then.
 ///
 /// # Errors
 /// Parameters out of range, a stride of 0, fewer starts than axes.
@@ -485,29 +487,45 @@ pub fn responses(
 mod tests {
     use super::*;
 
-    /// First load positions of an axis with play under commands.
-    fn loads(commands: &[f64]) -> Vec<f64> {
-        let axis = Axis { backlash: 0.02, ..Axis::linear(80.0, 0.005) };
-        responses(&[axis], &[[0.0, 0.0]], 'X', 1e-3, Feedback::Motor, commands, 1).unwrap()
+    const PLAY: f64 = 0.02;
+    const GAIN: f64 = 80.0;
+
+    /// Load positions of an axis with play whose motor begins `ahead` of its commands at a speed,
+    /// its load `taken` behind the motor.
+    fn loads(commands: &[f64], ahead: f64, taken: f64, speed: f64) -> Vec<f64> {
+        let axis = Axis { backlash: PLAY, ..Axis::linear(GAIN, 0.005) };
+        let start = [ahead - taken, speed];
+        responses(&[axis], &[start], 'X', 1e-3, Feedback::Motor, commands, 1).unwrap()
     }
 
     #[test]
     fn play_is_taken_up_where_a_log_begins_in_motion() {
-        let steady = [5.0, 5.1, 5.2, 5.3];
-        assert!((loads(&steady)[0] - 4.99).abs() < 1e-12);
-        let back = steady.map(|x| -x);
-        assert!((loads(&back)[0] + 4.99).abs() < 1e-12);
+        let half = 0.5 * PLAY;
+        for sense in [1.0, -1.0] {
+            let steady: Vec<f64> = (0..9).map(|i| sense * (5.0 + 0.1 * f64::from(i))).collect();
+            let lag = sense * 100.0 / GAIN;
+            let found = loads(&steady, -lag, sense * half, sense * 100.0);
+            for (load, command) in found.iter().zip(&steady) {
+                assert!((load - (command - lag - sense * half)).abs() < 1e-12);
+            }
+        }
         let slowing = [5.0, 5.1, 5.19, 5.27];
-        assert!((loads(&slowing)[0] - 4.99).abs() < 1e-12);
+        let found = loads(&slowing, 0.0, half, 100.0);
+        assert!((found[0] - 4.99).abs() < 1e-12 && found[1] > found[0] + 0.05);
     }
 
     #[test]
     fn play_is_not_taken_up_where_an_axis_starts() {
-        let from_rest = [5.0, 5.001, 5.004, 5.009];
-        assert!((loads(&from_rest)[0] - 5.0).abs() < 1e-12);
-        assert!((loads(&[5.0; 4])[0] - 5.0).abs() < 1e-12);
-        // It has gone 0.0025² / (2 · 0.001): less than half the play.
-        let just_started = [5.0, 5.003, 5.007, 5.012];
-        assert!((loads(&just_started)[0] - 4.996_875).abs() < 1e-9);
+        // The load stands until the motor has gone half the play.
+        let from_rest: Vec<f64> = (0..150).map(|i| 5.0 + 1e-6 * f64::from(i * i)).collect();
+        let found = loads(&from_rest, 0.0, 0.0, 0.0);
+        assert!(found[..60].iter().all(|load| (load - 5.0).abs() < 1e-12));
+        assert!(found[149] > 5.005);
+        assert!((loads(&[5.0; 4], 0.0, 0.0, 0.0)[3] - 5.0).abs() < 1e-12);
+        // It has gone 0.0025² / (2 · 0.001): less than half the play, the rest is still to go.
+        let gone = 0.003_125;
+        let drive = |more: f64| loads(&[5.0, 5.003, 5.007, 5.012], 0.0, gone, more);
+        assert!((drive(0.0)[0] - 4.996_875).abs() < 1e-9);
+        assert!((drive(6.0)[1] - 4.996_875).abs() < 1e-9 && drive(8.0)[1] > 4.996_876);
     }
 }
