@@ -89,6 +89,13 @@ class Values(dict[str, float]):
         raise KeyError(key)
 
 
+ALL_AXES = (
+    "axes that are all wrong by the same share, as those of a warm machine. A positioning run of "
+    "one axis, diagnosed together with these readings, says which it is"
+)
+"""What the length of an instrument, an artefact or a workpiece looks like."""
+
+
 @dataclass(frozen=True)
 class Effect:
     """A candidate cause, bound to data: a named group of parameters that changes their readings.
@@ -121,6 +128,8 @@ class Effect:
         Whether it is named at a level of 1e-12: what a set-up seldom has wrong.
     level:
         Level at which it is named; 0: its share of the level of all candidates.
+    looks_like:
+        What changes the readings alike and is no candidate, in words.
     instead_of:
         Ids of candidates that are not supposed together with it: it is several of them by one size.
     among:
@@ -144,6 +153,7 @@ class Effect:
     expected: bool = False
     rare: bool = False
     level: float = 0.0
+    looks_like: str = ""
     instead_of: tuple[str, ...] = ()
     among: float = 0.0
     stated: Stated | None = None

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from trunnion.base.units import Floats, Integers
+from trunnion.base.units import Floats, Integers, capital
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case, kept_rows
 from trunnion.diagnosis.contributions import contributions_of
@@ -95,7 +95,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     contributions, ladder = contributions_of(kept, case.given or plain, grown, rows)
     known = _uncertainty(kept, f, doubt, shape, sigma, variance)
     in_doubt = (*notes_of_structure(model, open_, std), *notes_of_shape(model, f, shape, std))
-    notes = (*stated, *in_doubt, *_notes(case, variance, sigma, read=read))
+    notes = (*stated, *in_doubt, *_notes(case, f, variance, sigma, read=read))
     return Diagnosis(
         verdict=verdict,
         causes=_causes(kept, e, grown, variance, wide, alternatives),
@@ -207,12 +207,22 @@ def _notes_of_scatter(case: Case, sigma: float) -> tuple[str, ...]:
     return (f"Readings scatter by direction (1 σ): {sizes}. Each is weighed by its own.",)
 
 
-def _notes(case: Case, variance: float, sigma: float, *, read: bool) -> tuple[str, ...]:
-    """Remarks of the model; what the readings say of their own noise (``read``: and of steps)."""
+def _notes(case: Case, f: Fit, variance: float, sigma: float, *, read: bool) -> tuple[str, ...]:
+    """Remarks of the model; what looks like named causes; what the readings say of their noise.
+
+    ``read``: and of steps.
+    """
+    alike = (
+        f"{capital(effect.label or effect.id)}: the readings do not distinguish it from "
+        f"{effect.looks_like}."
+        for effect in case.effects
+        if effect.id in f.effects and effect.looks_like
+    )
     noise = correlated(case.whiten)
     shared = () if noise is None else (noise.note,)
     scatter = _notes_of_scatter(case, sigma)
-    return (*case.model.remarks, *shared, *scatter, *_notes_of_steps(case, variance, read=read))
+    steps = _notes_of_steps(case, variance, read=read)
+    return (*case.model.remarks, *alike, *shared, *scatter, *steps)
 
 
 def _notes_of_steps(case: Case, variance: float, *, read: bool) -> tuple[str, ...]:

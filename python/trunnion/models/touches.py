@@ -21,7 +21,7 @@ from trunnion.base.errors import DataError, InputError
 from trunnion.base.rows import repeats
 from trunnion.base.units import Floats, Integers
 from trunnion.data.touches import Touches
-from trunnion.diagnosis.effect import Effect, EffectLike, EffectValues, Parameter, Values
+from trunnion.diagnosis.effect import ALL_AXES, Effect, EffectLike, EffectValues, Parameter, Values
 from trunnion.diagnosis.model import TURNED, Covariate, Model, Nuisance, Readings, Uncertainty
 from trunnion.diagnosis.one_effect import OneEffect
 from trunnion.diagnosis.own_effects import with_own
@@ -317,6 +317,7 @@ class TouchDiagnosisModel(Model):
             owner=info.owner,
             needs=info.needs,
             stated=self._stated.get(info.id),
+            looks_like=ALL_AXES if info.id == "artefact_expansion" else "",
         )
 
     @cached_property

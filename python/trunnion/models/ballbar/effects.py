@@ -83,10 +83,11 @@ def drifts(path: Path, bar: Bar) -> list[Effect]:
     ]
 
 
-def ballbar_length(count: int) -> Effect:
+def ballbar_length(count: int, looks_like: str = "") -> Effect:
     """Make the effect of a bar that reads longer than it is."""
-    label = "length of the ball-bar"
-    return linear(BAR_LENGTH, ["dl_um"], np.ones(count), label, owner=Owner.INSTRUMENT)
+    label, ones = "length of the ball-bar", np.ones(count)
+    more = {"owner": Owner.INSTRUMENT, "looks_like": looks_like}
+    return linear(BAR_LENGTH, ["dl_um"], ones, label, **more)
 
 
 def _scale(path: Path, bar: Bar, axis: int) -> Effect:

@@ -14,7 +14,7 @@ from trunnion.base.rows import repeats
 from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats, Integers
 from trunnion.data.ballbar import Ballbar
-from trunnion.diagnosis.effect import Effect, EffectLike, EffectValues
+from trunnion.diagnosis.effect import ALL_AXES, Effect, EffectLike, EffectValues
 from trunnion.diagnosis.fit import variant_columns
 from trunnion.diagnosis.gains import gains_beside
 from trunnion.diagnosis.grid import best_place
@@ -124,7 +124,8 @@ class BallbarModel(Model):
         bar = Bar(self.bar, self._centres[self.index])
         out = self.machine.effects(self.path, bar) + drifts(self.path, bar)
         if self.settings.calibrated:
-            out.append(ballbar_length(len(self.data)))
+            several = sum(effect.id.startswith("scale_") for effect in out) > 1
+            out.append(ballbar_length(len(self.data), ALL_AXES if several else ""))
         return out
 
     def instrument_size(self, effect: Effect) -> float | None:

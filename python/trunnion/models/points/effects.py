@@ -7,7 +7,7 @@ bound to any points.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import combinations, permutations
 from typing import Any, Protocol, TypeAlias
@@ -17,7 +17,7 @@ import numpy as np
 from trunnion.base.smooth import Modes
 from trunnion.base.units import ARCSEC, Floats
 from trunnion.data.points import Points
-from trunnion.diagnosis.effect import Effect, Parameter, drift, gridded, linear, periodic
+from trunnion.diagnosis.effect import ALL_AXES, Effect, Parameter, drift, gridded, linear, periodic
 from trunnion.machine.effects import Owner
 from trunnion.machine.linear_axes import LinearMotion, Travel, angular, bow
 from trunnion.models.points.geometry import AXES, Places, groups_of, places_of
@@ -54,6 +54,7 @@ class LinearError:
     shape: Shape
     owner: Owner = Owner.MACHINE
     moves: bool = False
+    looks_like: str = ""
 
     def effect(self, points: Points, places: Places) -> Effect:
         """Return the effect, bound to points."""
@@ -64,6 +65,7 @@ class LinearError:
             self.label,
             owner=self.owner,
             motion=LinearMotion(self.id, places.used) if self.moves else None,
+            looks_like=self.looks_like,
         )
 
 
@@ -207,7 +209,8 @@ def entries(dimension: int) -> list[Entry]:
     ]
     out += [PeriodicError(i) for i in axes]
     expansion = "thermal expansion of the part"
-    out.append(LinearError("expansion", ("ppm",), expansion, _larger, Owner.WORKPIECE))
+    larger = LinearError("expansion", ("ppm",), expansion, _larger, Owner.WORKPIECE)
+    out.append(replace(larger, looks_like=ALL_AXES))
     out += [Drift(i) for i in axes]
     return [*out, SetupShift(), CommonDrift()]
 
