@@ -60,9 +60,9 @@ def _taken_up(commands: Floats, lag: float) -> Flags:
     half_rate, speed, _ = np.linalg.pinv(np.vander(np.arange(BEGINNING), 3)) @ windows.T
     rate = 2.0 * half_rate
     own_speed = speed - rate * lag
-    since_turn = 0.5 * own_speed**2 / np.maximum(np.abs(rate), np.finfo(np.float64).tiny)
-    gone = np.where(own_speed * rate > 0, since_turn, np.inf)
-    known = (speed * own_speed > 0) & (gone > TAKEN_UP)
+    # since it turned, if it gets faster: speed² / (2 rate)
+    gone = (own_speed * rate <= 0) | (0.5 * own_speed**2 > TAKEN_UP * np.abs(rate))
+    known = (speed * own_speed > 0) & gone
     known |= np.ptp(windows, axis=1) == 0
     known[0] |= _starts_from_rest(commands)
     return np.asarray(known)
