@@ -153,7 +153,7 @@ def test_a_tick_that_nobody_stated_is_recognised_and_said() -> None:
     data = tn.simulate(plan, LINUXCNC, {"EX0C": 15.3, "EA0A": 11.0}, {"dx_um": 130.0})
     unstated = replace(LINUXCNC, probe=Probe())
     said = tn.diagnose(data, unstated)
-    (note,) = said.notes
+    (note,) = [one for one in said.notes if "in steps of" in one]
     assert "steps of 10 µm (recognised in the data)" in note
     assert "probe.servo_period_ms" in note
     assert said.sigma >= 10 / np.sqrt(12) * (1 - 1e-9)
