@@ -247,7 +247,7 @@ def test_what_is_missing_of_a_comparison_is_said() -> None:
 
 
 def test_what_touches_do_not_identify_is_said() -> None:
-    """A sphere on the axis C: where C is cannot be told from its tilt, nor that it changed."""
+    """A sphere on the axis C distinguishes neither where C is from its tilt, nor if it changed."""
     setup = tn.Setup(artefact=tn.Artefact("sphere", diameter_mm=25.0, centre_mm=(0.0, 0.0, 40.0)))
     plan = tn.plan(setup)
     before, after = (

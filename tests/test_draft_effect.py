@@ -13,6 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 import trunnion as tn
+from lab_package import install
 from power.study import ground
 from promise import kept, needed_runs
 from trunnion.cli import app
@@ -263,16 +264,13 @@ def test_a_package_brings_its_own_catalogue(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     site = tmp_path / "site"
-    info = site / "our_lab-1.0.dist-info"
-    info.mkdir(parents=True)
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: our-lab\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(
-        "[trunnion.effects]\nour_lab = our_lab:CATALOGUE\nbroken = our_lab:MISSING\n"
+    install(
+        site,
+        "our_lab",
+        {"our_lab": "CATALOGUE", "broken": "MISSING"},
+        "from pathlib import Path\nCATALOGUE = Path(__file__).with_name('lab.toml')\n",
     )
     tn.write_effects(site / "lab.toml", [first().draft_effect("rail_wave")])
-    (site / "our_lab.py").write_text(
-        "from pathlib import Path\nCATALOGUE = Path(__file__).with_name('lab.toml')\n"
-    )
     monkeypatch.syspath_prepend(str(site))
     brought = tn.installed_effects("our_lab")
     assert [e.id for e in brought] == ["rail_wave"]

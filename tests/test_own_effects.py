@@ -13,6 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 import trunnion as tn
+from lab_package import install
 from trunnion.cli import app
 from trunnion.machine.effects import Owner
 
@@ -119,13 +120,8 @@ def test_what_a_package_brings_may_be_bad_a_class_or_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     site = tmp_path / "site"
-    info = site / "our_lab_17-1.0.dist-info"
-    info.mkdir(parents=True)
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: our-lab-17\nVersion: 1.0\n")
     names = ("bad", "class", "empty", "many")
-    rows = "\n".join(f"{name} = our_lab_17:{name.upper()}" for name in names)
-    (info / "entry_points.txt").write_text(f"[trunnion.effects]\n{rows}\n")
-    (site / "our_lab_17.py").write_text(
+    code = (
         "import numpy as np\n"
         "class Sun:\n"
         "    id, parameters, label = 'sun', ('b_um',), 'sun on the column'\n"
@@ -136,6 +132,7 @@ def test_what_a_package_brings_may_be_bad_a_class_or_nothing(
         "        raise ValueError('boom')\n"
         "BAD, CLASS, EMPTY, MANY = Bad(), Sun, [], [Sun]\n"
     )
+    install(site, "our_lab_17", {name: name.upper() for name in names}, code)
     monkeypatch.syspath_prepend(str(site))
     bad, made, empty, many = (run(tmp_path, name) for name in names)
     assert bad.exit_code == many.exit_code == 2

@@ -138,8 +138,9 @@ class JointModel(Model):
                 made[id_] = replace(made[id_], label=acts[0].effect.label)
         self.apart: dict[str, tuple[str, str]] = {}  # which kind differs in what, by candidate
         kinds = [part.kind for part in self.parts]
-        found = instruments.scale_alike(self._acts, kinds) if before is None else before.alike
-        self.alike: ScaleAlike = found
+        self.alike: ScaleAlike = (
+            instruments.scale_alike(self._acts, kinds) if before is None else before.alike
+        )
         if self.alike.axes:
             self._acts[self.alike.id] = self.alike.acts(self._acts)
             made[self.alike.id] = self._scale_alike([made[id_] for id_ in self.alike.scales])
@@ -178,9 +179,6 @@ class JointModel(Model):
         known = {} if own is None else {k: getattr(own, k) for k in own_fields}
         f = OneEffect(self, id_)
         return Effect(id_, parameters, f.change, f.jacobian, label, owner, level=level, **known)
-
-    def _kinds(self, acts: Sequence[Acts]) -> set[str]:
-        return {self.parts[one.part].kind for one in acts}
 
     def ids_of_part(self, i: int) -> dict[str, str]:
         """What this model calls the effects of one part, by their ids there."""
