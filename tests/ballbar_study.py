@@ -21,6 +21,7 @@ from ballbar_twin import (
     HybridTwin,
     Legs,
     Recording,
+    arc,
     cartesian_lengths,
     hybrid_lengths,
     leg_travel,
@@ -41,6 +42,7 @@ HYBRID = (
 )
 HYBRID_DRIFTS = ("drift_x", "drift_y", "drift_z")
 DRIFT_UM_H = 60.0
+DENT_MM = 30.0  # half its length
 EVERY = 4  # of the readings one, of which it is calculated what a cause leaves
 SMALL = 1e-4  # mm and rad: a step of a derivative
 DEPENDENT = 1e-4  # of the largest, a singular value of fitted columns that counts as none
@@ -52,6 +54,7 @@ CARTESIAN = (
     "cyclic",
     "drift",
     "reversal_spike",
+    "straightness",
 )
 
 
@@ -205,8 +208,8 @@ def cartesian_cases(
     """A plain test with several causes, each on an axis drawn; ``share``: of their usual size.
 
     ``left``: of each cause instead what it leaves beside a centre and a length in each set-up, the
-    root of the sum of squares of all readings in noises. "unknown" is a straightness error, which
-    is no cause of the catalogue.
+    root of the sum of squares of all readings in noises. "unknown" is a dent in a guide, which is
+    no cause of the catalogue.
     """
     rng = np.random.default_rng(seed)
     spot = rng.uniform(-200, 200, 3)
@@ -274,10 +277,14 @@ def _cartesian_error(
         error[:, axis] = way * (60e-3 if flat else 30e-3) * rec.time_s / 3600
     elif hidden == "reversal_spike":
         error[:, axis] = way * 4e-3 * _spike(rec, axis, decay_s=0.4)
+    elif hidden == "straightness":
+        i, j = rng.permutation(pair)
+        error[:, i] = way * arc(rec.points[:, j], rng.uniform(3e-3, 10e-3))
+        name = f"straightness_{'xyz'[i]}_of_{'xyz'[j]}"
     elif hidden == "unknown":
-        i, j = pair
-        s = (rec.points[:, j] - spot[j]) / 150.0
-        error[:, i] = way * 5e-3 * (s**2 - s**3)
+        i, j = rng.permutation(pair)
+        away = (rec.points[:, j] - spot[j] - rng.uniform(-100, 100)) / DENT_MM
+        error[:, i] = way * 5e-3 * np.cos(np.pi / 2 * np.clip(away, -1, 1)) ** 2
         name = None
     return error, name
 

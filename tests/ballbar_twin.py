@@ -196,6 +196,13 @@ def sign(values: Array) -> Array:
     return np.where(np.abs(values) < 1e-6 * np.abs(values).max(), 0.0, np.sign(values))
 
 
+def arc(place: Array, height: float) -> Array:
+    """How far a guide bent to an arc lies from the chord over the places used, all in mm."""
+    half = np.ptp(place) / 2
+    radius = (half**2 + height**2) / (2 * height)
+    return np.asarray(np.sqrt(radius**2 - (place - place.min() - half) ** 2) - radius + height)
+
+
 def leg_travel(rec: Recording) -> Array:
     """Sign of travel of each leg, from joints a little earlier and later on the way, (n, 3)."""
     ahead = nominal_joints(rec.points + 1e-3 * rec.velocity, rec.direction)

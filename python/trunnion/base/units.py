@@ -18,6 +18,7 @@ ARCSEC = float(np.pi / 648_000)
 # Longest first: "rate_um_h" ends in both.
 _SUFFIXES = {
     "um_m_m": "µm/m per m",
+    "um_m2": "µm/m²",
     "um_m_h": "µm/m/h",
     "um_cycle": "µm/cycle",
     "arcsec_cycle": "arcsec/cycle",

@@ -21,6 +21,8 @@ from trunnion.machine.effects import MotionPose
 
 AXES = "xyz"
 MEAN_SQUARE = 1.0 / 3.0  # of a position between -1 and 1
+CURVATURE = "curvature_um_m2"
+"""Parameter of a straightness that does not depend on the travel: second derivative, µm/m²."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,15 @@ def bow(into: int, along: int, position_mm: Floats, travel: Travel) -> Floats:
     return out
 
 
+def arc(into: int, along: int, position_mm: Floats, travel: Travel) -> Floats:
+    """Displacement per µm/m² of curvature of a guide, (n, 3, 1): the same over any travel.
+
+    Beside the line of least squares through evenly spaced places of the travel.
+    """
+    half = travel.half_mm[along] * 1e-3
+    return bow(into, along, position_mm, travel)[..., :1] * (half * half / 3.0)
+
+
 def angular(about: int, along: int, position_mm: Floats, travel: Travel) -> Floats:
     """Displacement ω × lever, ω = a1 u + a2 (u² − 1/3), u from −1 to 1 along the axis' travel.
 
@@ -99,7 +110,8 @@ class LinearMotion:
 
     effect: Id: ``positioning_x``, ``straightness_y_of_x``, ``angular_z_of_x``, ``periodic_x``,
         ``cyclic_x``, and the like for the other axes.
-    travel: Over which its parameters were found.
+    travel: Over which its parameters were found. Those of a straightness are two shapes over it, or
+        a curvature.
     """
 
     effect: str
@@ -112,8 +124,11 @@ class LinearMotion:
         into, along = (AXES.index(axes[0]), AXES.index(axes[-1]))
         if kind in ("periodic", "cyclic"):
             return wave(along, at, values)
+        names: tuple[str, ...]
         if kind == "angular":
             columns, names = angular(into, along, at, self.travel), ("a1_arcsec", "a2_arcsec")
+        elif CURVATURE in values:
+            columns, names = arc(into, along, at, self.travel), (CURVATURE,)
         else:
             columns, names = bow(into, along, at, self.travel), ("a2_um", "a3_um")
         return np.asarray(columns @ np.array([values[name] for name in names]))

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import permutations
 
 import numpy as np
 
 from trunnion.base.units import ARCSEC, Floats
 from trunnion.diagnosis.effect import Effect, Parameter, drift, gridded, linear, periodic
 from trunnion.machine.effects import Motion, Owner
-from trunnion.machine.linear_axes import LinearMotion
+from trunnion.machine.linear_axes import CURVATURE, LinearMotion, arc
 from trunnion.models.ballbar.path import AXES, Path
 
 CATALOGUED = (
@@ -26,6 +27,11 @@ CATALOGUED = (
 )
 """Ids that are in the catalogue of the machine, too."""
 BAR_LENGTH = "ballbar_length"
+OF_POSITIONING = (
+    "a positioning error of the {0} axis that is bent by as much (E{0}{0}). A positioning run of "
+    "{0} says which it is"
+)
+"""What circles in one plane show as an arc of the other guide: x² and y² add up to a constant."""
 MIN_PITCH_MM = 4.0
 DECAYS = 10
 TIME_CONSTANTS = 12
@@ -51,6 +57,7 @@ def three_axis(path: Path, bar: Bar) -> list[Effect]:
             column = g * bar.direction[:, i] * place * 1e3 * ARCSEC
             label = f"squareness of {AXES[j].upper()} to {AXES[i].upper()}"
             out.append(linear(name, ["arcsec"], column, label))
+    out += [_straightness(path, bar, i, a) for a, i in permutations(moving, 2)]
     for a in moving:
         out += _reversal(path, bar, a)
     out += _gain_mismatch(path, bar)
@@ -94,6 +101,26 @@ def _scale(path: Path, bar: Bar, axis: int) -> Effect:
     place = (path.tips - bar.centre_mm)[:, axis]
     column = bar.direction[:, axis] * place * 1e-3
     return linear(f"scale_{AXES[axis]}", ["ppm"], column, f"scale of the {AXES[axis].upper()} axis")
+
+
+def _straightness(path: Path, bar: Bar, into: int, along: int) -> Effect:
+    """A guide bent to an arc: the only shape of it that a circle shows as that axis' own.
+
+    An S is on a circle an S of the other axis, but for their squareness. The parameter is the
+    curvature, which is the same to a bar of any length; of points it is the size of two shapes over
+    the travel that they use, so that these kinds do not share it.
+    """
+    name = f"straightness_{AXES[into]}_of_{AXES[along]}"
+    moved = arc(into, along, path.tips, path.used)[:, into, 0]
+    first, second = AXES[along].upper(), AXES[into].upper()
+    return linear(
+        name,
+        [CURVATURE],
+        bar.direction[:, into] * moved,
+        f"straightness of the {first} axis in {second}",
+        motion=LinearMotion(name, path.used),
+        looks_like=OF_POSITIONING.format(second) if len(path.moving) == 2 else "",
+    )
 
 
 def _reversal(path: Path, bar: Bar, axis: int) -> list[Effect]:
