@@ -39,7 +39,7 @@ from trunnion.diagnosis.steps import weights_of
 from trunnion.diagnosis.whitening import Scaling, Whiten, Whiteners, correlated, identity
 
 if TYPE_CHECKING:
-    from trunnion.diagnosis.formula import FormulaEffect
+    from trunnion.diagnosis.structure import WithTerm
 
 EXACT = 1e-12  # of the largest reading: rounding
 SINGULAR = 1e-8  # of a correlation matrix of estimates
@@ -294,8 +294,8 @@ class Case:
         return {}
 
     @cached_property
-    def structures(self) -> "dict[tuple[Term, Fit], tuple[Case, Fit, FormulaEffect] | str]":
-        """Fits with a term of structure beside another fit, or why not (:mod:`.structure`)."""
+    def structures(self) -> "dict[tuple[Term, Fit], WithTerm]":
+        """Fits with a term of structure beside another fit (:mod:`.structure`)."""
         return {}
 
     def cross_validated(self, f: Fit) -> Floats:

@@ -20,7 +20,7 @@ from trunnion.diagnosis.probability import NEAR_ODDS, Behind, Beside, Only, Prob
 from trunnion.diagnosis.processes import processes
 from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Term
 from trunnion.diagnosis.selection import WITHIN, Found, Search, search
-from trunnion.diagnosis.structure import with_structure
+from trunnion.diagnosis.structure import idle_beside
 from trunnion.diagnosis.terms import (
     best_terms,
     by_rounding,
@@ -177,8 +177,8 @@ def _explained(case: Case) -> Explanation:
         smooth = processes(case, best) if weighed else []
         if unexplained or picked or smooth:
             chances, tried, terms, extended = _with_structure(case, picked, chances.search, smooth)
-            if bad := _idle_beside(case, terms, extended):
-                candidates.ban(bad)
+            if idle := idle_beside(case, terms, extended, UNDETERMINED_P / candidates.multiplicity):
+                candidates.ban({j for j, e in enumerate(case.effects) if e.id in idle})
                 return _explained(case)
             best, demanded = tried[0], bool(tried[0].members)
             known = {f.members for f in tried}
@@ -455,21 +455,6 @@ def _with_structure(
     if _has_structure(c, top) or beside:
         terms = best_terms(case, fitted)
     return chances, named, terms, fitted
-
-
-def _idle_beside(case: Case, terms: list[tuple[Term, float]], f: Fit) -> set[int]:
-    """Causes that do nothing once structure is fitted beside them, its period no grid's."""
-    whole, found, source = with_structure(case, terms, f) if f.effects else (case, f, None)
-    if source is None:
-        return set()
-    c, variance = case.candidates, float(case.floor.noise(found.rss, found.dof))
-    return {
-        j
-        for j, effect in enumerate(case.effects)
-        if effect.id in found.effects
-        and not effect.expected
-        and whole.chance(effect, found, variance)[0] * c.multiplicity > UNDETERMINED_P
-    }
 
 
 def _has_structure(c: Candidates, f: Found) -> bool:

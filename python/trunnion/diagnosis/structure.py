@@ -41,7 +41,11 @@ INCOMPLETE = (
 UNDETERMINED = "the readings do not determine it beside the causes; measure at more places"
 ELSEWHERE = "measure at further places or in another order, which distinguish the two"
 DISTINGUISHED = 2.0
-"""How much wider structure may make the standard error of anything else, and be in the model."""
+"""How much wider structure may make a cause's standard error, and be in the model.
+
+Where it makes that of an error of the machine or of a placement wider, all may be off by what it
+moves.
+"""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -171,6 +175,22 @@ def model_with(model: Model, source: FormulaEffect) -> Model:
     return cast("Model", _ModelWith(model, source.bound(model.data, model), source))
 
 
+@dataclass(frozen=True)
+class WithTerm:
+    """The causes fitted with a term of structure.
+
+    Attributes
+    ----------
+    found:
+        The case with it among the effects, the fit, the effect; None: it is not to be had.
+    why_not:
+        Why it is not in the extended model, and what to do; empty: it is.
+    """
+
+    found: tuple[Case, Fit, FormulaEffect] | None
+    why_not: str = ""
+
+
 def with_structure(
     kept: Case, terms: Sequence[tuple[Term, float]], f: Fit
 ) -> tuple[Case, Fit, FormulaEffect | None]:
@@ -179,37 +199,53 @@ def with_structure(
     ``kept``: without the outliers. Beside a model that is not complete structure is stated only,
     and so is structure that the data do not distinguish from the causes: it would take their place
     (a drift by order of measurement, a backlash where the direction turns once), and with which
-    readings are predicted worse from others. Kept by the case, by term and fit.
+    readings are predicted worse from others.
     """
     if not terms or kept.dependent:
         return kept, f, None
-    fitted = _tried(kept, terms[0][0], f)
-    if isinstance(fitted, str):
+    tried = _tried(kept, terms[0][0], f)
+    if tried.found is None or tried.why_not:
         return kept, f, None
-    fitted[0].given = kept.given  # may be known since
-    return fitted
+    tried.found[0].given = kept.given  # may be known since
+    return tried.found
 
 
 def why_stated(kept: Case, terms: Sequence[tuple[Term, float]], f: Fit) -> tuple[str, ...]:
     """Say why structure beside a fit is stated only, and what to do; empty: it is fitted."""
     if not terms:
         return ()
-    tried = INCOMPLETE if kept.dependent else _tried(kept, terms[0][0], f)
-    return (f"{NOT_FITTED}: {tried}.",) if isinstance(tried, str) else ()
+    why = INCOMPLETE if kept.dependent else _tried(kept, terms[0][0], f).why_not
+    return (f"{NOT_FITTED}: {why}.",) if why else ()
 
 
-def _tried(kept: Case, term: Term, f: Fit) -> tuple[Case, Fit, FormulaEffect] | str:
+def idle_beside(kept: Case, terms: Sequence[tuple[Term, float]], f: Fit, level: float) -> set[str]:
+    """Causes of a fit that do nothing once structure is fitted beside them, its period no grid's.
+
+    Also where the data do not distinguish the two: a cause beside which there is structure does not
+    explain by itself what the structure does. ``level``: of an effect's chance, from which it might
+    as well not be there.
+    """
+    if not terms or kept.dependent or not f.effects:
+        return set()
+    tried = _tried(kept, terms[0][0], f)
+    if tried.found is None:
+        return set()
+    whole, found, _ = tried.found
+    variance = float(whole.floor.noise(found.rss, found.dof))
+    causes = (e for e in kept.effects if e.id in f.effects and not e.expected)
+    return {e.id for e in causes if whole.chance(e, found, variance)[0] > level}
+
+
+def _tried(kept: Case, term: Term, f: Fit) -> WithTerm:
+    """Kept by the case, by term and fit."""
     key = term, f
     if key not in kept.structures:
         kept.structures[key] = _with_term(kept, *key)
     return kept.structures[key]
 
 
-def _with_term(kept: Case, term: Term, f: Fit) -> tuple[Case, Fit, FormulaEffect] | str:
-    """Fit the causes with a term of structure: the case with it among the effects, the fit.
-
-    Or why it is not to be fitted, and what to do.
-    """
+def _with_term(kept: Case, term: Term, f: Fit) -> WithTerm:
+    """Fit the causes with a term of structure."""
     source = FormulaEffect.of_term(term, kept.model)
     model = model_with(kept.model, source)
     added = model.effect(source.id)
@@ -221,42 +257,53 @@ def _with_term(kept: Case, term: Term, f: Fit) -> tuple[Case, Fit, FormulaEffect
         every = [*effects, added]
         found = fit(model, kept.rows, every, f.nuisance, values, kept.whiten, f.judged)
     except DataError:
-        return UNDETERMINED
+        return WithTerm(None, UNDETERMINED)
     if found.rss >= f.rss or found.dof < 1:
-        return UNDETERMINED
-    if (widest := _widest(f, found))[1] > DISTINGUISHED:
-        names = [x.name for x in model.nuisance] + [f"{i}.{name}" for i, name in f.names]
-        wider = "not determined" if np.isinf(widest[1]) else f"{widest[1]:.2g} times as wide"
-        return f"beside it the standard error of {names[widest[0]]} would be {wider}; {ELSEWHERE}"
+        return WithTerm(None, UNDETERMINED)
     whole = replace(kept, model=model)
     before, after = kept.cross_validated(f), whole.cross_validated(found)
     if not better(model, kept.rows, before, after):
-        return f"with it readings are predicted worse from the others; {ELSEWHERE}"
-    return whole, found, source
+        return WithTerm(None, f"with it readings are predicted worse from the others; {ELSEWHERE}")
+    wider = _wider(f, found)[len(f.nuisance) :]
+    why = ""
+    if np.max(wider, initial=0.0) > DISTINGUISHED:
+        at = int(np.argmax(wider))
+        times = "not determined" if np.isinf(wider[at]) else f"{wider[at]:.2g} times as wide"
+        name = ".".join(f.names[at])
+        why = f"beside it the standard error of {name} would be {times}; {ELSEWHERE}"
+    return WithTerm((whole, found, source), why)
 
 
-def _widest(without: Fit, found: Fit) -> tuple[int, float]:
-    """Which parameter of a fit has the standard error that structure beside it widens most.
-
-    And how many times as wide it is then.
-    """
+def _wider(without: Fit, found: Fit) -> Floats:
+    """How many times as wide structure makes the standard errors of a fit, shape (p + k,)."""
     before = np.sqrt(np.diag(without.covariance))
     after = np.sqrt(np.diag(found.covariance))[: len(before)]
     known = np.isfinite(before) & (before > 0)
-    wider = np.where(known, after / np.where(known, before, 1.0), 0.0)
-    at = int(np.argmax(wider))
-    return at, float(wider[at])
+    return np.where(known, after / np.where(known, before, 1.0), 0.0)
+
+
+def _may_be_off(without: Fit, found: Fit) -> Floats:
+    """How far off structure may put the parameters of a fit: not, or by all that it moves them."""
+    moved = np.zeros(len(found.covariance))
+    if np.max(_wider(without, found), initial=0.0) > DISTINGUISHED:
+        before, after = (
+            np.array([*f.nuisance, *(f.effects[i][name] for i, name in without.names)])
+            for f in (without, found)
+        )
+        moved[: len(before)] = after - before
+    return moved
 
 
 def left_open(
-    kept: Case, e: Explanation, f: Fit, source: FormulaEffect | None, variance: float
+    kept: Case, e: Explanation, without: Fit, f: Fit, source: FormulaEffect | None, variance: float
 ) -> Floats:
     """What structure leaves open of the parameters of a fit: mean squares, shape (p + k, p + k).
 
-    Structure that is stated and not fitted (``source``: None) may move them as if it were. What
+    Structure that is stated and not fitted (``source``: None) may move them as if it were; one that
+    is fitted may be wrong by all that it moves, where the data hardly distinguish the two. What
     depends on time has no known zero: errors of the machine are those at its mean, and may be off
     by as much as is seen of it, as far as the readings do not tell (GUM, type B).
-    ``variance``: of a white reading.
+    ``without``: the fit of the causes alone. ``variance``: of a white reading.
     """
     if not e.terms or kept.dependent:
         return np.zeros_like(f.covariance)
@@ -266,9 +313,9 @@ def left_open(
     effect = held.bound(model.data, model)
     columns = effect.columns(effect.values(0.0 for _ in effect.parameters))
     absorbed = f.covariance @ kept.white(f.jacobian).T
-    moved = np.zeros(len(f.covariance))
     if fitted:
         size = np.array(list(values.values()))
+        moved = _may_be_off(without, f)
     else:
         white = kept.white(columns)
         left = white - f.basis @ (f.basis.T @ white)
