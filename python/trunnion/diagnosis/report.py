@@ -74,14 +74,13 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     f = f if alternatives else kept.plain
     verdict = _verdict(said, kept, rows, kept.plain, f, len(alternatives), len(dropped))
     every, plain = as_read(case, case.plain)[0], as_read(kept, kept.plain)[0]
-    stated, causes = why_stated(kept, e.terms, f), f
-    kept, f, source = with_structure(kept, e.terms, causes)
+    stated, (kept, f, source) = why_stated(kept, e.terms, f), with_structure(kept, e.terms, f)
     variance = float(case.floor.noise(f.rss, f.dof))
     f, growth, read = _values(kept, f, variance)
     left = f.residuals - kept.shared(f)
     gain = _gain(kept, rows, plain, f, left)
     of_sets = Doubt.of(kept, f, alternatives, variance, growth)
-    open_ = left_open(kept, e, causes, f, source, variance)
+    open_ = left_open(kept, e, f, source, variance)
     shape = shape_in_doubt(kept, f, model.effects, variance)
     doubt = of_sets.beside(open_)
     grown = replace(f, covariance=f.covariance * np.outer(growth, growth))

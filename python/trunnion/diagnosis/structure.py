@@ -295,7 +295,7 @@ def _may_be_off(without: Fit, found: Fit) -> Floats:
 
 
 def left_open(
-    kept: Case, e: Explanation, without: Fit, f: Fit, source: FormulaEffect | None, variance: float
+    kept: Case, e: Explanation, f: Fit, source: FormulaEffect | None, variance: float
 ) -> Floats:
     """What structure leaves open of the parameters of a fit: mean squares, shape (p + k, p + k).
 
@@ -303,7 +303,7 @@ def left_open(
     is fitted may be wrong by all that it moves, where the data hardly distinguish the two. What
     depends on time has no known zero: errors of the machine are those at its mean, and may be off
     by as much as is seen of it, as far as the readings do not tell (GUM, type B).
-    ``without``: the fit of the causes alone. ``variance``: of a white reading.
+    ``variance``: of a white reading.
     """
     if not e.terms or kept.dependent:
         return np.zeros_like(f.covariance)
@@ -315,7 +315,7 @@ def left_open(
     absorbed = f.covariance @ kept.white(f.jacobian).T
     if fitted:
         size = np.array(list(values.values()))
-        moved = _may_be_off(without, f)
+        moved = _may_be_off(e.fit if e.sets else kept.plain, f)
     else:
         white = kept.white(columns)
         left = white - f.basis @ (f.basis.T @ white)
