@@ -94,7 +94,11 @@ class Along:
         """White columns of the linear parameters at places (m, n, k)."""
         every = [self.values(place) for place in places.tolist()]
         case, start = self.case, self.beside.nuisance
-        return case.model.white_columns(start, self.effect, every, case.whiten)[:, case.rows]
+        known = case.linearised if start is case.linearised.nuisance else None
+        made = None if known is None else known.columns(self.effect, every)
+        if made is None:
+            made = case.model.white_columns(start, self.effect, every, case.whiten)
+        return made if case.complete else made[:, case.rows]
 
     def at(self, places: Floats) -> Floats:
         """Gains at places (m,)."""

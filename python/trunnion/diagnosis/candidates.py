@@ -9,7 +9,8 @@ import itertools
 from bisect import bisect_right
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from copy import copy
-from functools import cached_property
+from functools import cached_property, reduce
+from operator import or_
 from types import MappingProxyType
 
 import numpy as np
@@ -218,9 +219,9 @@ class Candidates:
         banned = np.isin(self.owner, sorted(self._banned))
         self.penalty = np.where(banned, np.inf, self.penalty)
 
-    def allows(self, mask: int) -> bool:
-        """Whether a set of candidates, a bit each, may have all of them."""
-        return not any(mask & pair == pair for pair in self.apart)
+    def not_beside(self, mask: int) -> int:
+        """Bits of the candidates that no set has that has all of ``mask``."""
+        return reduce(or_, (pair & ~mask for pair in self.apart if pair & mask), 0)
 
     def _complete(
         self,

@@ -55,8 +55,8 @@ def with_places(case: Case, c: Candidates, further: Mapping[int, Values]) -> Can
     case.linearised = before.with_places(further)
     more = {}
     for j, place in further.items():
-        effect, nuisance = case.effects[j], case.plain.nuisance
-        white = case.model.white_piece(nuisance, effect, [place], case.whiten)
+        effect = case.effects[j]
+        white = case.model.white_piece(before.nuisance, effect, [place], case.whiten)
         more[j] = case.values[j].index(place), _used(case, white)
     again = {j: place for j, place in before.further.items() if j in further}
     gone = {j: before.values[j].index(place) for j, place in again.items()}

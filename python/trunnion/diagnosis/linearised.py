@@ -64,12 +64,15 @@ class Linearised:
         fresh = set(range(len(self.values))) - {j for j, _ in made}
         by_candidate = itemgetter(0)
         self._kept = sorted([*made, *self._make(fresh)], key=by_candidate) if few else None
+        self._elsewhere: dict[str, dict[tuple[float, ...], Floats]] = {}
 
     def with_places(self, further: Mapping[int, Values]) -> Linearised:
         """Return the candidates, some of them at one place more, or at another one."""
         made = [(j, piece) for j, piece in self._kept or () if j not in further]
         every = {**self.further, **further}
-        return Linearised(self.model, self.nuisance, self.whiten, every, made, self._grids)
+        new = Linearised(self.model, self.nuisance, self.whiten, every, made, self._grids)
+        new._elsewhere = self._elsewhere
+        return new
 
     def place(self, id_: str) -> Values | None:
         """Return the place of an effect beside those of its grid, if there is one."""
@@ -80,17 +83,35 @@ class Linearised:
         """Give the number of a candidate and some of its variants (v, n, k), in order."""
         return self._make(range(len(self.values))) if self._kept is None else self._kept
 
-    def columns(self, id_: str, values: Sequence[Values]) -> Floats | None:
-        """White columns of an effect at these values, (v, n, k); None: not all are kept."""
-        known = self._by_effect.get(id_)
-        if known is None:
+    def columns(self, effect: Effect, values: Sequence[Values]) -> Floats | None:
+        """White columns of an effect at these values, (v, n, k); None: none are kept.
+
+        Those elsewhere than at places of the candidates are made once, too.
+        """
+        if self._kept is None:
             return None
-        places, columns = known
-        at = [places.get(tuple(v.values())) for v in values]
-        if at == list(range(len(columns))):
-            return columns
-        found = [i for i in at if i is not None]
-        return columns[found] if len(found) == len(at) else None
+        places, known = self._by_effect.get(effect.id, ({}, np.zeros(0)))
+        keys = [tuple(v.values()) for v in values]
+        at = [places.get(key) for key in keys]
+        if at == list(range(len(known))):
+            return known
+        made = self._made_at(
+            effect, {k: v for k, v, i in zip(keys, values, at, strict=True) if i is None}
+        )
+        rows = [made[k] if i is None else known[i].T for k, i in zip(keys, at, strict=True)]
+        return np.stack(rows).transpose(0, 2, 1)
+
+    def _made_at(
+        self, effect: Effect, values: Mapping[tuple[float, ...], Values]
+    ) -> Mapping[tuple[float, ...], Floats]:
+        """White columns of an effect at some values, (k, n) each, by the numbers of these."""
+        made = self._elsewhere.setdefault(effect.id, {})
+        if missing := {key: v for key, v in values.items() if key not in made}:
+            columns = self.model.white_columns(
+                self.nuisance, effect, [*missing.values()], self.whiten
+            )
+            made |= zip(missing, columns.transpose(0, 2, 1), strict=True)
+        return made
 
     @cached_property
     def _by_effect(self) -> dict[str, tuple[dict[tuple[float, ...], int], Floats]]:

@@ -54,7 +54,7 @@ def _sought(case: Case) -> bool:
 
 def _beside(case: Case, c: Candidates, blocks: Sequence[int]) -> Beside:
     """What blocks of candidates and the nuisance leave."""
-    start, basis, r = case.plain.nuisance, case.plain.basis, case.plain.white
+    start, basis, r = case.linearised.nuisance, case.plain.basis, case.plain.white
     if not blocks:
         return Beside(start, basis, r)
     columns = np.concatenate([c.columns(b) for b in blocks]).T

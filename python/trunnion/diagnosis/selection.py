@@ -463,8 +463,8 @@ class Search:
         # A set of so many causes is found from as many sets, at most.
         many = (keep + 1) * (columns + 2)
         tried = self.core.tried([s.core for s in states], self.best, REACH, many)
-        if self.c.apart:
-            tried = [t for t in tried if self.c.allows(states[t[1]].mask | self.bits[t[2]])]
+        if banned := [self.c.not_beside(s.mask) for s in states if self.c.apart]:
+            tried = [t for t in tried if not self.bits[t[2]] & banned[t[1]]]
         if not tried:
             return []
         self.best = best = min(self.best, tried[0][0])

@@ -113,7 +113,7 @@ class Part:
         ``values``: of the part's own effect, some.
         """
         own = acts.effect
-        made = None if self.linearised is None else self.linearised.columns(own.id, values)
+        made = None if self.linearised is None else self.linearised.columns(own, values)
         if made is None:
             made = self.model.white_columns(nuisance, own, values, self.whiten.whiten)
         return np.asarray(made.transpose(0, 2, 1) * (acts.sign / self.whiten.size))

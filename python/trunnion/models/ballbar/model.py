@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -109,7 +110,8 @@ class BallbarModel(Model):
         self.nuisance = self._nuisance()
         self._known: dict[bytes, tuple[Floats, Floats]] = {}
         self._given = tuple(effects)
-        self.effects = with_own(self._sharpened(self._catalogue()), effects, data)
+        if self._given:
+            with_own(self._catalogue(), self._given, data)  # checked at once
 
     def _nuisance(self) -> tuple[Nuisance, ...]:
         """Errors of the machine, centres along the axes that the bar shows, the bar's constant."""
@@ -119,6 +121,11 @@ class BallbarModel(Model):
         if not self.settings.calibrated:
             out.append(Nuisance("ballbar_length_um", "µm"))
         return tuple(out)
+
+    @cached_property
+    def effects(self) -> tuple[Effect, ...]:  # type: ignore[override]
+        """The catalogue, its grids with the values that are best here, and the user's own."""
+        return with_own(self._sharpened(self._catalogue()), self._given, self.data)
 
     def _catalogue(self) -> list[Effect]:
         bar = Bar(self.bar, self._centres[self.index])
