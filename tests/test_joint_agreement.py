@@ -131,3 +131,36 @@ def test_labels_of_the_machine_are_those_of_their_ids_in_any_order() -> None:
         assert d.labels["backlash_x"] == "backlash of the X axis"
         assert d.effects["backlash_x"]["b_um"] == pytest.approx(2.0, abs=0.4)
         assert d.labels.get("squareness_xy", "squareness of Y to X") == "squareness of Y to X"
+
+
+def plate(rng: Rng, half_mm: float, middle_mm: float, curvature_um_m2: float) -> tn.Points:
+    """A grid of bores on a plate that lies somehow, on a machine whose X guide is an arc."""
+    step = np.linspace(-half_mm, half_mm, 9)
+    x, y = (a.ravel() for a in np.meshgrid(step + middle_mm, step))
+    radius = 1e9 / curvature_um_m2  # mm
+    bent = radius - np.sqrt(radius**2 - x**2)
+    turn, dx, dy = rng.uniform(-1e-4, 1e-4), *rng.uniform(-0.02, 0.02, 2)
+    noise = rng.normal(0.0, 0.3e-3, (2, len(x)))
+    return tn.Points(
+        nominal_x_mm=x,
+        nominal_y_mm=y,
+        x_mm=x + dx - turn * y + noise[0],
+        y_mm=y + dy + turn * x + bent + noise[1],
+    )
+
+
+@pytest.mark.parametrize("seed", [81, 82, 83])
+@pytest.mark.parametrize(("half", "middle"), [(100.0, 0.0), (100.0, 80.0), (150.0, -30.0)])
+def test_one_bent_guide_is_one_on_plates_of_different_size(
+    half: float, middle: float, seed: int
+) -> None:
+    """Its sizes are of the travel of both: of k µm/m² over 400 mm, k 0.2²/3."""
+    rng = np.random.default_rng(seed)
+    plates = [plate(rng, 200.0, 0.0, 90.0), plate(rng, half, middle, 90.0)]
+    for d in (tn.diagnose(plates), tn.diagnose(plates[::-1])):
+        assert d.verdict in ("explained", "ambiguous")
+        assert "straightness_y_of_x" in d.named
+        assert not [name for name in d.named if "change" in name]
+        (cause,) = [c for c in d.causes if c.id == "straightness_y_of_x"]
+        error = cause.parameters["a2_um"] - 90.0 * 0.2**2 / 3
+        assert abs(error) < 4 * cause.std_errors["a2_um"]

@@ -1,12 +1,7 @@
 """What the engine needs to know of a measurement, and nothing else.
 
-::
-
-    reading = predict(nuisance, effects) + noise
-    residual = reading - predict
-
-A *model* is bound to one set of data. It says what each reading would be, given its *nuisance*
-parameters (always fitted: location errors, placement, a circle, a ball centre) and a set of
+A *model* is bound to one set of data. It predicts what each reading would be without noise, given
+its *nuisance* parameters (always fitted: location errors, placement, a ball centre) and a set of
 *effects* (candidate causes, absent unless the data demand them). The engine decides which effects
 the data demand. It knows no unit, no machine and no instrument: those are carried by the model.
 
@@ -240,6 +235,10 @@ class Model:
     def bind(self, data: Any) -> Model:
         """Return the same model on other data."""
         raise NotImplementedError
+
+    def beside(self, others: Sequence[Model]) -> Model:  # noqa: ARG002
+        """Return the same model, of effects that it shares with others in terms of them all."""
+        return self
 
     def differing(self, other: Model) -> frozenset[str]:  # noqa: ARG002
         """Ids of effects whose parameters mean something else in a model of other data: none."""

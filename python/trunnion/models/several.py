@@ -163,10 +163,11 @@ def joint_model(
     beside = not all(one.alone.exact for one in measured)
     parts: list[Part] = []
     start = 0
-    for one in measured:
+    models = [one.used for one in measured]
+    for one, used in zip(measured, models, strict=True):
         earlier = sum(part.kind == one.kind for part in parts)
         name = one.kind if not earlier else f"{one.kind} {earlier + 1}"
-        model = one.used
+        model = used.beside(models)
         parts.append(one.part(name, start, model, one.alone.assumed if beside else 0.0))
         start += one.size
     return JointModel(parts, binder)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -38,6 +39,13 @@ class Places:
         if not np.any(half > 0):
             raise DataError("points: got all at one programmed place, expected several")
         return cls((low + high) / 2, half, np.array([grid_step(x) for x in nominal.T]))
+
+    def with_more(self, others: Sequence[Places]) -> Places:
+        """Return the travel that these and others used together; steps are these'."""
+        every = (self, *others)
+        low = np.min([p.middle - p.half for p in every], axis=0)
+        high = np.max([p.middle + p.half for p in every], axis=0)
+        return Places((low + high) / 2, (high - low) / 2, self.smallest)
 
     @property
     def used(self) -> Travel:

@@ -56,6 +56,8 @@ class PointsModel(Model):
     effects: Further candidates: a user's own effects, or ids. ``change(data, values)`` gives the
         change of every reading, µm, in the machine frame.
     source: The model whose smooth field and travel this one shares (``bind``); None: found here.
+    travel: Over which the shapes of straightness, positioning and angular errors go, where it is
+        longer than that of these points (``beside``).
     """
 
     def __init__(
@@ -63,6 +65,7 @@ class PointsModel(Model):
         data: Points,
         effects: Sequence[EffectLike | str] = (),
         source: PointsModel | None = None,
+        travel: Places | None = None,
     ) -> None:
         self.data = data
         self.dimension = data.dimension
@@ -95,7 +98,8 @@ class PointsModel(Model):
             for label in self._labels
             for name, unit in ((x, "arcsec" if "arcsec" in x else "µm") for x in names)
         )
-        self._travel: Places = Places.of(nominal) if source is None else source._travel
+        found = source._travel if source is not None else travel
+        self._travel: Places = Places.of(nominal) if found is None else found
         self._places = places_of(nominal)
         named = catalogue(data, self._travel)
         self._smooth = frozenset(e.id for e in named if e.linear and e.id not in OF_TIME)
@@ -302,6 +306,14 @@ class PointsModel(Model):
         return replace(shared, groups=self.groups, cause="field")
 
     # --- what a user gets
+
+    def beside(self, others: Sequence[Model]) -> Model:
+        """Return the same model, its shapes over the travel of all: one bow has one size."""
+        alike = [m for m in others if isinstance(m, PointsModel) and m.dimension == self.dimension]
+        travel = self._travel.with_more([m._travel for m in alike])
+        if travel.used == self._travel.used:
+            return self
+        return PointsModel(self.data, self._given, travel=travel)
 
     def bind(self, data: Any) -> PointsModel:
         """Return the same model, with the same smooth field, on other points."""
