@@ -105,3 +105,37 @@ def test_points_have_a_straightness_of_their_own() -> None:
     d = tn.diagnose([points, bar])
     assert d.named == {"straightness_y_of_x", "ballbar:straightness_y_of_x"}
     assert set(d.model.not_compensable) == {"ballbar:straightness_y_of_x"}
+
+
+@pytest.mark.parametrize("centre", [(-150.0, 150.0), (0.0, 200.0)])
+@pytest.mark.parametrize("seed", [16, 17])
+def test_circles_at_two_places_of_a_bent_guide_are_of_one_machine(
+    centre: tuple[float, float], seed: int
+) -> None:
+    """At another place of the guide it is out of square, too: no change, and one curvature."""
+    rng = np.random.default_rng(seed)
+    turn = np.radians(np.concatenate([np.arange(0.0, 361.0, 3.0), np.arange(360.0, -1.0, -3.0)]))
+    circles = []
+    for x in centre:
+        place = np.stack([x + 100 * np.cos(turn), 100 * np.sin(turn), 0 * turn], axis=1)
+        tip = place.copy()
+        tip[:, 1] += RADIUS_MM - np.sqrt(RADIUS_MM**2 - place[:, 0] ** 2)
+        length = np.linalg.norm(tip - [x + 0.02, -0.01, 0.0], axis=1)
+        circles.append(
+            tn.Ballbar(
+                setup=np.zeros(len(place), int),
+                **{f"{a}_mm": place[:, i] for i, a in enumerate("xyz")},
+                length_mm=length + rng.normal(0, 3e-4, len(place)),
+                feed_mm_min=np.full(len(place), 1000.0),
+            )
+        )
+    d = tn.diagnose(circles)
+    middle = np.mean(centre) / RADIUS_MM * 648000 / np.pi  # slope of the guide there, arcsec
+    assert d.named == {"straightness_y_of_x"} | ({"squareness_xy"} if middle else set())
+    found = {c.id: c for c in d.causes}["straightness_y_of_x"]
+    u = d.model.std_errors["straightness_y_of_x.curvature_um_m2"]
+    assert found.parameters["curvature_um_m2"] == pytest.approx(1e9 / RADIUS_MM, abs=4 * u)
+    if middle:
+        (square,) = [c.parameters["arcsec"] for c in d.causes if c.id == "squareness_xy"]
+        assert abs(square) == pytest.approx(middle, abs=0.5)
+    assert not tn.compare(*circles).changed

@@ -8,7 +8,7 @@ nothing is extrapolated.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,6 +39,13 @@ class Travel:
     def dimension(self) -> int:
         """Number of axes, 2 or 3."""
         return len(self.half_mm)
+
+    def with_more(self, others: Iterable[Travel]) -> Travel:
+        """Return the travel of this measurement and others together, of the same axes."""
+        both = [(np.array(t.middle_mm), np.array(t.half_mm)) for t in (self, *others)]
+        low = np.min([middle - half for middle, half in both], axis=0)
+        high = np.max([middle + half for middle, half in both], axis=0)
+        return Travel(tuple(((low + high) / 2).tolist()), tuple(((high - low) / 2).tolist()))
 
     def scaled(self, position_mm: Floats, axis: int) -> Floats:
         """Position along an axis, (n,), −1 to 1 over the travel."""

@@ -29,6 +29,7 @@ from trunnion.hybrid.readings import (
     start_centres,
 )
 from trunnion.machine.estimate import Estimate
+from trunnion.machine.linear_axes import Travel
 from trunnion.models.ballbar.effects import BAR_LENGTH, Bar, ballbar_length, drifts
 from trunnion.models.ballbar.machine import machine_of
 from trunnion.models.ballbar.path import AXES, Path
@@ -56,6 +57,8 @@ class BallbarModel(Model):
         Tables ``[ballbar]`` and ``[hybrid]`` are read; None: their defaults.
     effects
         Further candidates: a user's own effects, or ids.
+    travel
+        Of X, Y and Z, about the middle of which guides are bent; None: that of the readings.
 
     Raises
     ------
@@ -78,6 +81,7 @@ class BallbarModel(Model):
         data: Ballbar,
         setup: Setup | None = None,
         effects: Sequence[EffectLike | str] = (),
+        travel: Travel | None = None,
     ) -> None:
         self.data = data
         self.setup = setup
@@ -86,7 +90,7 @@ class BallbarModel(Model):
         self.index, self.labels = setup_index(data)
         check_enough(self.index, self.labels)
         tips = self.machine.tips
-        self.path = Path(data, tips)
+        self.path = Path(data, tips, travel)
         self._centres = start_centres(tips, data.length_mm, self.index)
         arms = tips - self._centres[self.index]
         reference = np.linalg.norm(arms, axis=1)
@@ -312,7 +316,18 @@ class BallbarModel(Model):
         """Return the same model on other lengths."""
         if not isinstance(data, Ballbar):
             raise InputError(f"other data: got {type(data).__name__}, expected trunnion.Ballbar")
-        return BallbarModel(data, self.setup, self._given)
+        return BallbarModel(data, self.setup, self._given, self.path.used)
+
+    def beside(self, others: Sequence[Model]) -> Model:
+        """Return the same model, guides bent about the middle of what all of them travel.
+
+        Beside circles at another place a bent guide is out of square, too.
+        """
+        alike = [m for m in others if isinstance(m, BallbarModel)]
+        travel = self.path.used.with_more(m.path.used for m in alike)
+        if travel == self.path.used:
+            return self
+        return BallbarModel(self.data, self.setup, self._given, travel)
 
     def extended(
         self,

@@ -21,9 +21,12 @@ MIN_TRAVEL_MM = 1e-3
 
 
 class Path:
-    """How the machine travels: runs, tangents, standstills. Everything (n, ...)."""
+    """How the machine travels: runs, tangents, standstills. Everything (n, ...).
 
-    def __init__(self, data: Ballbar, tips: Floats) -> None:
+    travel: Of X, Y and Z, about the middle of which guides are bent; None: that of the readings.
+    """
+
+    def __init__(self, data: Ballbar, tips: Floats, travel: Travel | None = None) -> None:
         index, _ = setup_index(data)
         step = np.linalg.norm(np.diff(tips, axis=0), axis=1)
         typical = float(np.median(step[step > 1e-9])) if (step > 1e-9).any() else 1.0
@@ -41,6 +44,7 @@ class Path:
             gone = np.linalg.norm(np.diff(tips[rows], axis=0), axis=1)
             self.along[rows] = np.concatenate([[0.0], np.cumsum(gone)])
         self.tips = tips
+        self.used = _travel_of(tips) if travel is None else travel
         self._time_s = None if data.time_s is None else np.asarray(data.time_s, dtype=np.float64)
         self._feed_mm_min = data.feed_mm_min
         self.tangent = self.rate(tips)
@@ -63,12 +67,6 @@ class Path:
     def moving(self) -> list[int]:
         """Numbers of the axes along which the tool point moves."""
         return [a for a in range(3) if np.ptp(self.tips[:, a]) > MIN_TRAVEL_MM]
-
-    @property
-    def used(self) -> Travel:
-        """Travel of X, Y, Z along the readings."""
-        low, high = self.tips.min(axis=0), self.tips.max(axis=0)
-        return Travel(tuple(map(float, (low + high) / 2)), tuple(map(float, (high - low) / 2)))
 
     @cached_property
     def hours(self) -> Floats | None:
@@ -159,3 +157,8 @@ def _turns_back(tips: Floats) -> Flags:
     for k in np.flatnonzero(np.einsum("ij,ij->i", way[:-1], way[1:]) < TURNS_BACK) + 1:
         out[min(moving[k - 1] + 1, moving[k])] = True
     return out
+
+
+def _travel_of(tips: Floats) -> Travel:
+    low, high = tips.min(axis=0), tips.max(axis=0)
+    return Travel(tuple(((low + high) / 2).tolist()), tuple(((high - low) / 2).tolist()))

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -40,12 +39,9 @@ class Places:
             raise DataError("points: got all at one programmed place, expected several")
         return cls((low + high) / 2, half, np.array([grid_step(x) for x in nominal.T]))
 
-    def with_more(self, others: Sequence[Places]) -> Places:
-        """Return the travel that these and others used together; steps are these'."""
-        every = (self, *others)
-        low = np.min([p.middle - p.half for p in every], axis=0)
-        high = np.max([p.middle + p.half for p in every], axis=0)
-        return Places((low + high) / 2, (high - low) / 2, self.smallest)
+    def over(self, travel: Travel) -> Places:
+        """Return these places on a travel that is longer."""
+        return replace(self, middle=np.array(travel.middle_mm), half=np.array(travel.half_mm))
 
     @property
     def used(self) -> Travel:

@@ -310,10 +310,10 @@ class PointsModel(Model):
     def beside(self, others: Sequence[Model]) -> Model:
         """Return the same model, its shapes over the travel of all: one bow has one size."""
         alike = [m for m in others if isinstance(m, PointsModel) and m.dimension == self.dimension]
-        travel = self._travel.with_more([m._travel for m in alike])
-        if travel.used == self._travel.used:
+        travel = self._travel.used.with_more(m._travel.used for m in alike)
+        if travel == self._travel.used:
             return self
-        return PointsModel(self.data, self._given, travel=travel)
+        return PointsModel(self.data, self._given, travel=self._travel.over(travel))
 
     def bind(self, data: Any) -> PointsModel:
         """Return the same model, with the same smooth field, on other points."""
