@@ -131,9 +131,9 @@ def array(what: str, value: ArrayLike, columns: int, *, rows: int | None = None)
     found = np.atleast_2d(given)
     if found.ndim != 2 or found.shape[1] != columns or rows not in (None, len(found)):
         raise InputError(f"{what}: got shape {given.shape}, expected {shape}")
-    bad = ~np.isfinite(found).all(axis=1)
-    if bad.any():
-        row = int(np.argmax(bad))
+    finite = np.isfinite(found)
+    if not finite.all():  # row by row takes ten times as long
+        row = int(np.argmin(finite.all(axis=1)))
         raise InputError(f"{what}, row {row}: got {found[row]}, expected finite numbers")
     return np.ascontiguousarray(found)
 
