@@ -139,3 +139,24 @@ def test_circles_at_two_places_of_a_bent_guide_are_of_one_machine(
         (square,) = [c.parameters["arcsec"] for c in d.causes if c.id == "squareness_xy"]
         assert abs(square) == pytest.approx(middle, abs=0.5)
     assert not tn.compare(*circles).changed
+
+
+def test_lengths_elsewhere_on_a_bent_guide_are_predicted() -> None:
+    """The guide is bent about the middle of what was measured, and out of square elsewhere."""
+    places = round_about(PLANES[:1], 0.0, 360.0)
+    d = tn.diagnose(bent(places, 1, 0, np.random.default_rng(18)))
+    middle = (places[:, 0].max() + places[:, 0].min()) / 2
+    there = places + np.array([250.0, 0.0, 0.0])
+    tip = there.copy()
+    tip[:, 1] += RADIUS_MM - np.sqrt(RADIUS_MM**2 - (there[:, 0] - middle) ** 2)
+    plan = tn.Ballbar(
+        setup=np.zeros(len(there), int),
+        **{f"{a}_mm": there[:, i] for i, a in enumerate("xyz")},
+        length_mm=np.linalg.norm(tip - [280.0, -80.0, 40.0], axis=1),
+        feed_mm_min=np.full(len(there), 1000.0),
+    )
+    off = 1e3 * (d.model.lengths_mm(plan) - plan.length_mm)
+    turn = np.arctan2(there[:, 1] + 80.0, there[:, 0] - 280.0)
+    placed = np.stack([np.cos(turn), np.sin(turn), np.ones(len(turn))], axis=1)
+    left = off - placed @ np.linalg.lstsq(placed, off, rcond=None)[0]
+    assert np.abs(left).max() < 1.0  # µm; the slope alone makes 15

@@ -35,6 +35,13 @@ class Travel:
     middle_mm: tuple[float, ...]
     half_mm: tuple[float, ...]
 
+    @classmethod
+    def of(cls, position_mm: Floats) -> Travel:
+        """Return that of positions, (..., d)."""
+        every = position_mm.reshape(-1, position_mm.shape[-1])
+        low, high = every.min(axis=0), every.max(axis=0)
+        return cls(tuple(((low + high) / 2).tolist()), tuple(((high - low) / 2).tolist()))
+
     @property
     def dimension(self) -> int:
         """Number of axes, 2 or 3."""
@@ -42,10 +49,11 @@ class Travel:
 
     def with_more(self, others: Iterable[Travel]) -> Travel:
         """Return the travel of this measurement and others together, of the same axes."""
-        both = [(np.array(t.middle_mm), np.array(t.half_mm)) for t in (self, *others)]
-        low = np.min([middle - half for middle, half in both], axis=0)
-        high = np.max([middle + half for middle, half in both], axis=0)
-        return Travel(tuple(((low + high) / 2).tolist()), tuple(((high - low) / 2).tolist()))
+        every = {self, *others}
+        if len(every) == 1:
+            return self
+        both = [(np.array(t.middle_mm), np.array(t.half_mm)) for t in every]
+        return Travel.of(np.array([[middle - half, middle + half] for middle, half in both]))
 
     def scaled(self, position_mm: Floats, axis: int) -> Floats:
         """Position along an axis, (n,), −1 to 1 over the travel."""

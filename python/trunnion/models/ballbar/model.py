@@ -29,7 +29,7 @@ from trunnion.hybrid.readings import (
     start_centres,
 )
 from trunnion.machine.estimate import Estimate
-from trunnion.machine.linear_axes import Travel
+from trunnion.machine.linear_axes import LinearMotion, Travel
 from trunnion.models.ballbar.effects import BAR_LENGTH, Bar, ballbar_length, drifts
 from trunnion.models.ballbar.machine import machine_of
 from trunnion.models.ballbar.path import AXES, Path
@@ -366,7 +366,9 @@ class ExtendedBallbarModel(Estimate):
 
     def lengths_mm(self, plan: Ballbar) -> Floats:
         """Lengths that this machine gives on a plan, (n,); centres as the plan's lengths say."""
-        model = BallbarModel(plan, self.setup)
+        linear = (m for m in self.motions.values() if isinstance(m, LinearMotion))
+        measured = next((m.travel for m in linear), None)  # guides are bent about its middle
+        model = BallbarModel(plan, self.setup, travel=measured)
         start = model.start
         for k, nuisance in enumerate(model.nuisance):
             start[k] = self.errors.get(nuisance.name, 0.0)

@@ -44,7 +44,7 @@ class Path:
             gone = np.linalg.norm(np.diff(tips[rows], axis=0), axis=1)
             self.along[rows] = np.concatenate([[0.0], np.cumsum(gone)])
         self.tips = tips
-        self.used = _travel_of(tips) if travel is None else travel
+        self.used = Travel.of(tips) if travel is None else travel
         self._time_s = None if data.time_s is None else np.asarray(data.time_s, dtype=np.float64)
         self._feed_mm_min = data.feed_mm_min
         self.tangent = self.rate(tips)
@@ -157,8 +157,3 @@ def _turns_back(tips: Floats) -> Flags:
     for k in np.flatnonzero(np.einsum("ij,ij->i", way[:-1], way[1:]) < TURNS_BACK) + 1:
         out[min(moving[k - 1] + 1, moving[k])] = True
     return out
-
-
-def _travel_of(tips: Floats) -> Travel:
-    low, high = tips.min(axis=0), tips.max(axis=0)
-    return Travel(tuple(((low + high) / 2).tolist()), tuple(((high - low) / 2).tolist()))
