@@ -283,7 +283,8 @@ def _cartesian_error(
         name = f"straightness_{'xyz'[i]}_of_{'xyz'[j]}"
     elif hidden == "unknown":
         i, j = rng.permutation(pair)
-        away = (rec.points[:, j] - spot[j] - rng.uniform(-100, 100)) / DENT_MM
+        low, high = np.min(rec.points[:, j]) + DENT_MM, np.max(rec.points[:, j]) - DENT_MM
+        away = (rec.points[:, j] - rng.uniform(low, high)) / DENT_MM
         error[:, i] = way * 5e-3 * np.cos(np.pi / 2 * np.clip(away, -1, 1)) ** 2
         name = None
     return error, name

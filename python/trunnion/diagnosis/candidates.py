@@ -78,6 +78,7 @@ class Candidates:
         basis: Floats,
         own_level: Floats | None = None,
         among: Floats | None = None,
+        sought: Floats | None = None,
         stated: Mapping[int, float] = MappingProxyType({}),
         alone: Collection[int] = (),
         positive: frozenset[int] = frozenset(),
@@ -87,14 +88,14 @@ class Candidates:
         ``pieces``: number of a candidate and some of its variants, in order; ``count``: of the
         candidates; ``numbers``: of all pieces together; ``own_level``: as of the class; ``among``:
         how many candidates each shares the level with, 0 for all that have none of their own;
-        ``stated``:
+        ``sought``: as how many candidates each counts for itself; ``stated``:
         standard deviation of what some of them may add along their unit columns; ``alone``:
         candidates of one variant; ``positive``: those of one column that are nothing if negative.
         """
         new = object.__new__(cls)
         new.stated, new.positive = stated, positive
         new._build(pieces, count, numbers, basis, alone)
-        new._complete(basis, NAMING_LEVEL, own_level, None, among=among)
+        new._complete(basis, NAMING_LEVEL, own_level, None, among=among, sought=sought)
         return new
 
     penalty: Floats
@@ -231,6 +232,7 @@ class Candidates:
         own_price: Floats | None,
         multiplicity: float | None = None,
         among: Floats | None = None,
+        sought: Floats | None = None,
     ) -> None:
         """Group the blocks and price them."""
         self._basis, self._shared_level = basis, level
@@ -247,6 +249,7 @@ class Candidates:
         shared = np.sum(own[self.identifiable] == 0) if multiplicity is None else multiplicity
         count = np.full(self.count, max(shared, 1))
         count = count if among is None else np.where(among > 0, among, count)
+        count = count if sought is None else count * sought
         self.level = np.where(own > 0, own, level / count)
         self.multiplicity = float(shared)
         self._price(own_price)

@@ -31,12 +31,13 @@ def candidates_of(case: Case) -> Candidates:
     numbers = case.linearised.width * len(case.rows)
     own = np.array([float(e.expected) or e.level or RARE_LEVEL * e.rare for e in case.effects])
     among = np.array([e.among for e in case.effects])
+    sought = np.array([e.sought for e in case.effects])
     alone = frozenset(j for j, values in enumerate(case.values) if len(values) == 1)
     low = [[p.bounds[0] for p in e.parameters if p.linear] for e in case.effects]
     positive = frozenset(j for j, bounds in enumerate(low) if bounds == [0.0])
     found = Candidates.of_pieces(
-        pieces, len(case.effects), numbers, case.plain.basis, own, among, _stated(case), alone,
-        positive,
+        pieces, len(case.effects), numbers, case.plain.basis, own, among, sought,
+        _stated(case), alone, positive,
     )  # fmt: skip
     numbers_of = {e.id: j for j, e in enumerate(case.effects)}
     found.apart = frozenset(

@@ -134,6 +134,8 @@ class Effect:
         Ids of candidates that are not supposed together with it: it is several of them by one size.
     among:
         How many candidates it is one of, by which it has its share; 0: all of the model.
+    sought:
+        At how many places it was sought, of which its grid has the best: it is as many candidates.
     stated:
         What is known of its one parameter beforehand: zero within a standard uncertainty. It costs
         a set of causes what it contradicts of that, and its estimate is made with it.
@@ -156,6 +158,7 @@ class Effect:
     looks_like: str = ""
     instead_of: tuple[str, ...] = ()
     among: float = 0.0
+    sought: float = 1.0
     stated: Stated | None = None
     spread: Spread | None = None
 

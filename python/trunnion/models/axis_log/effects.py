@@ -34,6 +34,7 @@ LINEAR_PITCHES_MM = tuple(float(v) for v in np.geomspace(1.5, 60.0, 90))
 ROTARY_PITCHES_DEG = tuple(float(v) for v in np.geomspace(0.5, 90.0, 110))
 RESONANCES_HZ = tuple(float(v) for v in np.geomspace(15.0, 150.0, 48))
 DAMPINGS = (0.03, 0.08, 0.2)
+MIN_DAMPING = 0.01  # below, nothing is built so; what rings through a whole run fits noise anywhere
 MAX_DAMPING = 0.35  # beyond, nothing resonates: the response has a peak of 1.5 at most
 OF_SCALE = 0.9  # of the variance that motion leaves, from which on positions look like a scale
 MIN_SEEN = 1e-3  # of the variance of positions, that motion does not explain
@@ -151,15 +152,18 @@ class Resonance(AxisEffect):
         nyquist = 0.5 / min(run.period_s for run in axis.runs)
         top_hz = min(0.8 * nyquist, RESONANCES_HZ[-1])
         frequency, damping = self._best_place(axis, top_hz, places)
+        sought = sum(f <= top_hz for f in RESONANCES_HZ)
         frequencies = tuple(frequency * k for k in (0.97, 1.0, 1.03))
-        dampings = tuple(min(damping * k, MAX_DAMPING) for k in (0.8, 1.0, 1.25))
+        dampings = tuple(
+            float(np.clip(damping * k, MIN_DAMPING, MAX_DAMPING)) for k in (0.8, 1.0, 1.25)
+        )
         parameters = (
             Parameter("share", unit="1", bounds=(0.0, 1.5)),
             Parameter("frequency_hz", unit="Hz", grid=frequencies, bounds=(2.0, BEYOND * top_hz)),
-            Parameter("damping", unit="1", grid=dampings, bounds=(1e-3, MAX_DAMPING)),
+            Parameter("damping", unit="1", grid=dampings, bounds=(MIN_DAMPING, MAX_DAMPING)),
         )
         columns = ResonanceColumns(axis)
-        return gridded(self.id_of(axis), parameters, columns, self.label_of(axis))
+        return gridded(self.id_of(axis), parameters, columns, self.label_of(axis), sought=sought)
 
     def _best_place(self, axis: AxisSignal, top_hz: float, places: Places) -> tuple[float, float]:
         """Frequency and damping at which a structure that carries the whole load fits best.
@@ -179,7 +183,7 @@ class Resonance(AxisEffect):
                 frequency, damping = np.exp(place)
                 return y - left(_resonance(axis, float(frequency), float(damping)))
 
-            low, high = np.log([2.0, 1e-3]), np.log([BEYOND * top_hz, MAX_DAMPING])
+            low, high = np.log([2.0, MIN_DAMPING]), np.log([BEYOND * top_hz, MAX_DAMPING])
             fits = [
                 least_squares(
                     miss, np.log(grid[i]), bounds=(low, high), diff_step=[1e-4], max_nfev=25
