@@ -256,3 +256,50 @@ def test_a_plan_is_not_followed_by_touches(tmp_path: Path) -> None:
     said = CliRunner().invoke(app, [*words, *out])
     assert said.exit_code == 0, said.output
     assert "1.csv: The artefact is found 1000 µm below its place in the set-up" in said.output
+
+
+def of_two(seed: int) -> tuple[tn.Diagnosis, Machine]:
+    """The same beside stops of X, which say nothing of it."""
+    first, truth = doubted(seed)
+    machine = Machine(truth, NOISE_UM)
+    run = next(t.plan for t in tn.next_measurement(first) if t.label == "a positioning run of X")
+    stops = done(run, machine, np.random.default_rng([71, seed]))
+    return tn.diagnose([first.data, stops], first.setup), machine
+
+
+def test_further_touches_settle_the_doubt_of_several_measurements() -> None:
+    """They follow the first touches, the artefact left as it is: they are one measurement."""
+    came = []
+    for seed in range(4):
+        d, machine = of_two(seed)
+        assert len(d.alternatives) > 1
+        tests = tn.next_measurement(d)
+        labels = [one.label for one in tests]
+        assert "the same touches in reversed order" in labels
+        best = next(one for one in tests if one.label.startswith("8 touches chosen for it"))
+        assert best.kind == "touches"
+        assert len(best.plan) == 8
+        assert best.plan["time_s"].min() > d.data[0]["time_s"].max()
+        assert set(best.apart) <= set(d.alternatives[1:MAX_SETS])
+        more = done(best.plan, machine, np.random.default_rng([73, seed]))
+        both = tn.diagnose([d.data[0].followed_by(more), d.data[1]], d.setup)
+        if best.chance >= CHANCE:
+            came.append([c.id.rpartition(":")[2] for c in both.causes] == ["probe_radius"])
+    assert len(came) >= 3
+    assert all(came)
+
+
+def test_the_command_plans_touches_that_settle_the_doubt_of_several(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    d, _ = of_two(1)
+    for data, name in zip(d.data, ("touches.csv", "stops.csv"), strict=True):
+        data.to_csv(name)
+    Path("setup.toml").write_text(d.setup.to_toml(), encoding="utf-8")
+    words = ["diagnose", "--joint", "touches.csv", "stops.csv", "setup.toml", "--next", "1"]
+    said = CliRunner().invoke(app, [*words, "--output", "found.json"])
+    assert said.exit_code == 0, said.output
+    assert "Next: 8 touches chosen for it, the artefact left" in " ".join(said.output.split())
+    assert len(tn.read_touches("next.csv")) == 8
+    assert "next_measurements" in Path("found.json").read_text(encoding="utf-8")

@@ -2,10 +2,11 @@
 
 python -m power.further [--cases 110] [--seed 2] [--out ../docs/results/power-further.md]
 
-A machine with causes drawn at random is measured by touches, or by circles of a ball-bar in one
-plane. Where the diagnosis is in doubt, `tn.next_measurement` advises a further test; which
-instrument is quick to mount is drawn. The test is made on the same machine, by formulas of the
-independent generators, and both measurements are diagnosed together.
+A machine with causes drawn at random is measured by touches, by circles of a ball-bar in one
+plane, or by touches and stops of a linear axis together. Where the diagnosis is in doubt,
+`tn.next_measurement` advises a further test; which instrument is quick to mount is drawn. The test
+is made on the same machine, by formulas of the independent generators, and all measurements are
+diagnosed together.
 """
 
 from __future__ import annotations
@@ -96,10 +97,15 @@ def done(plan: Any, machine: Machine, rng: Rng) -> Any:
 
 
 def again(d: tn.Diagnosis, more: Any) -> tn.Diagnosis:
-    """Diagnose what was measured and the further test together."""
-    if isinstance(d.data, tn.Touches) and isinstance(more, tn.Touches):
-        return tn.diagnose(d.data.followed_by(more), d.setup)
-    return tn.diagnose([d.data, more], d.setup or ground("paper")[3])
+    """Diagnose what was measured and the further test together.
+
+    Touches follow those that there are: the artefact is where it was.
+    """
+    measured = d.data if isinstance(d.data, tuple) else (d.data,)
+    if isinstance(more, tn.Touches) and isinstance(measured[0], tn.Touches):
+        whole = measured[0].followed_by(more)
+        return tn.diagnose([whole, *measured[1:]] if measured[1:] else whole, d.setup)
+    return tn.diagnose([*measured, more], d.setup or ground("paper")[3])
 
 
 def left_of_doubt(d: tn.Diagnosis, both: tn.Diagnosis) -> Sets:
@@ -107,9 +113,14 @@ def left_of_doubt(d: tn.Diagnosis, both: tn.Diagnosis) -> Sets:
 
     In a joint diagnosis causes of an instrument have its measurement's name before a colon.
     """
-    known = frozenset().union(*d.alternatives)
-    plain = [frozenset(i.rpartition(":")[2] for i in causes) for causes in both.alternatives]
-    return frozenset(causes & known for causes in plain) & frozenset(d.alternatives)
+    before = frozenset(plain(d.alternatives))
+    known = frozenset().union(*before)
+    return frozenset(causes & known for causes in plain(both.alternatives)) & before
+
+
+def plain(sets: Iterable[frozenset[str]]) -> list[frozenset[str]]:
+    """Sets of causes without the names of their measurements."""
+    return [frozenset(i.rpartition(":")[2] for i in causes) for causes in sets]
 
 
 # --- cases
@@ -153,6 +164,27 @@ def by_circles(rng: Rng) -> tuple[Any, tn.Setup, Machine]:
     return data, ground("paper")[3], machine
 
 
+def by_both(rng: Rng) -> tuple[Any, tn.Setup, Machine]:
+    """Touches, and stops of a linear axis."""
+    data, setup, machine = by_touches(rng)
+    axis = str(rng.choice(list("XYZ")))
+    up = np.linspace(-120.0, 120.0, 9) + rng.uniform(-4.0, 4.0, 9)
+    target = np.tile(np.concatenate([up, up[::-1]]), 3)
+    stops = tn.Positioning(
+        target_mm=target,
+        measured_mm=target,
+        direction=np.tile(np.repeat([1, -1], 9), 3),
+        cycle=np.repeat([1, 2, 3], 18),
+        axis=np.full(len(target), axis),
+        time_s=5.0 * np.arange(len(target)),
+    )
+    return [data, done(stops, machine, rng)], setup, machine
+
+
+MEASURED = (by_touches, by_circles, by_both)
+SHARES = (0.45, 0.3, 0.25)  # of the machines
+
+
 @dataclass(frozen=True)
 class Advised:
     """One case: what was measured, what was advised, and what came of it."""
@@ -169,9 +201,9 @@ class Advised:
 def advised(number: int, seed: int) -> Advised | None:
     """Draw a machine; None where its measurement leaves no doubt."""
     rng = np.random.default_rng([seed, number, 97])
-    make = by_touches if rng.random() < 0.6 else by_circles
+    make = MEASURED[int(rng.choice(len(MEASURED), p=SHARES))]
     data, setup, machine = make(rng)
-    d = tn.diagnose(data, setup) if make is by_touches else tn.diagnose(data)
+    d = tn.diagnose(data) if make is by_circles else tn.diagnose(data, setup)
     if len(d.alternatives) < 2:
         return None
     quick = str(rng.choice(INSTRUMENTS))
@@ -185,14 +217,14 @@ def advised(number: int, seed: int) -> Advised | None:
         make.__name__,
         test.kind,
         test.chance,
-        machine.hidden in d.alternatives,
+        machine.hidden in plain(d.alternatives),
         len(left) == 1,
         left == {machine.hidden},
-        f"{test.label}: {_plain(d.alternatives)}, left {_plain(left)}, {_plain([machine.hidden])}",
+        f"{test.label}: {_said(d.alternatives)}, left {_said(left)}, {_said([machine.hidden])}",
     )
 
 
-def _plain(sets: Iterable[frozenset[str]]) -> str:
+def _said(sets: Iterable[frozenset[str]]) -> str:
     return " | ".join("+".join(sorted(causes)) for causes in sets)
 
 
@@ -216,10 +248,11 @@ def drawn(cases: int, seed: int) -> Iterator[Advised]:
 HEAD = """# Does the further test that is advised settle the doubt?
 
 Made by `make power-further` with the independent generators (`tests/power/further.py`). A machine
-with one to three causes drawn at random is measured, by touches or by circles of a ball-bar in XY.
-Where several sets of causes are left, `tn.next_measurement` advises a further test (one drawn
-instrument takes 2 minutes to mount, the others 60). The test is made on the same machine, both
-measurements are diagnosed together.
+with one to three causes drawn at random is measured: by touches, by circles of a ball-bar in XY, or
+by touches and stops of a linear axis, which are diagnosed together. Where several sets of causes
+are left, `tn.next_measurement` advises a further test (one drawn instrument takes 2 minutes to
+mount, the others 60). The test is made on the same machine, all measurements are diagnosed
+together.
 
 *Expected*: the mean probability of settling the doubt that was stated. *Settled*: one of the sets
 that were in doubt is left, causes that only the further test shows beside it or not. *Rightly*: it
@@ -251,10 +284,10 @@ def _row(name: str, some: Sequence[Advised]) -> str:
 
 def _table(cases: Sequence[Advised]) -> list[str]:
     lines = [*COLUMNS, _row("**all**", cases)]
-    for measured in ("by_touches", "by_circles"):
+    for make, measured in zip(MEASURED, ("touches", "circles", "touches and stops"), strict=True):
         for test in INSTRUMENTS:
-            some = [c for c in cases if (c.measured, c.test) == (measured, test)]
-            name = f"{measured.removeprefix('by_')}, then {test}"
+            some = [c for c in cases if (c.measured, c.test) == (make.__name__, test)]
+            name = f"{measured}, then {test}"
             lines += [_row(name, some)] if some else []
     for low, high in itertools.pairwise(BINS):
         some = [c for c in cases if low <= c.expected and (c.expected < high or high == 1.0)]

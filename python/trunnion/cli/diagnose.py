@@ -106,7 +106,8 @@ def diagnose(
     Several files are diagnosed each by itself on all cores, with a table over all; what cannot be
     read is named there and the exit code is 2. --next ranks further tests by how probably they
     settle what is in doubt; of touches, --output is then where the plan of further ones goes
-    (next.csv if absent). --html, or --output with a name that ends in .html, writes the report: one
+    (next.csv if absent). Where the first test is one of touches beside other measurements, its plan
+    is in next.csv. --html, or --output with a name that ends in .html, writes the report: one
     page with the evidence.
     """
     several = sum(file.suffix.lower() != ".toml" for file in files) > 1
@@ -154,6 +155,8 @@ def _next(d: tn.Diagnosis, n: int, output: Path | None) -> tuple[dict[str, Any],
     if isinstance(d.data, tn.Touches):
         found = tn.expected_discrimination(d, n)
         shown += [found, save_result(output or Path("next.csv"), found.plan)]
+    elif helping and isinstance(helping[0].plan, tn.Touches):
+        shown.append(save_result(Path("next.csv"), helping[0].plan))
     return {"next_measurements": [one.to_dict() for one in tests]}, shown
 
 

@@ -19,7 +19,7 @@ from trunnion.base.arguments import checked
 from trunnion.base.checks import choose, positive
 from trunnion.base.report import Result, Table
 from trunnion.base.stored import fitting, plain
-from trunnion.base.units import Floats
+from trunnion.base.units import Flags, Floats
 from trunnion.data.ballbar import Ballbar
 from trunnion.data.positioning import Positioning
 from trunnion.data.touches import Touches, without_frame
@@ -33,7 +33,7 @@ from trunnion.diagnosis.whitening import Scaled, Scaling, Whiten, identity
 from trunnion.models.ballbar.model import BallbarModel
 from trunnion.models.joint import JointModel
 from trunnion.models.kinds import measured_of
-from trunnion.models.next_touches import MAX_SETS, next_touches
+from trunnion.models.next_touches import MAX_SETS, in_good_order, next_touches, pool_of
 from trunnion.models.parts import Part
 from trunnion.models.positioning import PositioningModel
 from trunnion.models.touches import TouchDiagnosisModel
@@ -138,7 +138,8 @@ def next_measurement(
     """Rank further tests by the probability per minute that they settle what is in doubt.
 
     Tried are, of a measurement of touches, the same touches in reversed order and eight that
-    :func:`next_touches` chooses; of any other a pass of touches, if the set-up has an artefact; a
+    :func:`next_touches` chooses; of several together, the same of the last one of touches, eight
+    chosen for the sets of all; without touches a pass of these, if the set-up has an artefact; a
     circle of a ball-bar in XY, YZ and ZX, in both senses; a positioning run of X, Y and Z, of 11
     targets in five cycles (ISO 230-2). Tests with a probability of a half or more come first.
 
@@ -169,7 +170,8 @@ def next_measurement(
     -----
     Readings of another instrument are supposed to have a noise of 0.5 µm. The probability is that,
     whichever set is true, every other ends more than 6 in -2 ln L from it, whatever the size of
-    causes that only the further test shows.
+    causes that only the further test shows. Further touches with the artefact left as it is are one
+    measurement with the first ones: diagnose ``first.followed_by(further)``.
 
     Examples
     --------
@@ -190,7 +192,11 @@ def next_measurement(
     place = place if isinstance(place, Setup) else None
     found = [
         _expected(test, sets, mounting[test.kind])
-        for test in (*_more_touches(diagnosis), *_other_kinds(diagnosis, place))
+        for test in (
+            *_more_touches(diagnosis),
+            *_more_touches_of_several(diagnosis, sets),
+            *_other_kinds(diagnosis, place),
+        )
     ]
     known = [one for one in found if one is not None]
     return tuple(sorted(known, key=lambda n: (n.chance < USEFUL, -n.chance / n.minutes)))
@@ -198,9 +204,10 @@ def next_measurement(
 
 @dataclass(frozen=True)
 class _Test:
-    """A further test: models of the measurement and of both together, the new readings last.
+    """A further test: models of the measurement and of both together.
 
-    ``ids``: what both call the effects of the measurement.
+    ``old``: which readings of both there are; ``ids``: what both call the effects of the
+    measurement.
     """
 
     label: str
@@ -209,6 +216,7 @@ class _Test:
     plan: Touches | Ballbar | Positioning
     model: Model
     both: Model
+    old: Flags
     nuisance: Floats
     ids: Mapping[str, str]
     whiten: Whiten
@@ -221,12 +229,33 @@ def _expected(test: _Test, sets: Sequence[Alternative], mounting: float) -> Next
 
     An error whose size the measurement hardly tells may put the artefact where no touch meets it.
     """
-    old = np.arange(len(test.both.readings)) < len(test.model.readings)
+    weighed = _discrimination(test, sets)
+    if weighed is None:
+        return None
+    known, discrimination = weighed
+    new = np.flatnonzero(~test.old)
+    apart = discrimination.distances(new)
+    return NextMeasurement(
+        test.label,
+        test.kind,
+        test.minutes + mounting,
+        discrimination.chance(new),
+        {causes: apart[i] for i, causes in enumerate(known) if i},
+        test.plan,
+    )
+
+
+def _discrimination(
+    test: _Test, sets: Sequence[Alternative]
+) -> tuple[list[frozenset[str]], Discrimination] | None:
+    """Return the sets of which the readings of a test can be said, and how it tells them apart.
+
+    None: the named one, which is the first, or all others are none of them.
+    """
     tried = [(one.causes, _hypothesis(test, one)) for one in sets]
     known = [(causes, one) for causes, one in tried if one is not None]
-    if tried[0][1] is None or len(known) < 2:  # the named set is the first
+    if tried[0][1] is None or len(known) < 2:
         return None
-    hypotheses = [one for _, one in known]
     start = np.concatenate([test.nuisance, test.both.start[len(test.nuisance) :]])
     columns = [test.both.jacobian(start, {})]
     for name in test.own:
@@ -234,17 +263,8 @@ def _expected(test: _Test, sets: Sequence[Alternative], mounting: float) -> Next
         unit = effect.values(1.0 for _ in effect.parameters)
         columns.append(test.both.effect_jacobian(start, effect, unit))
     nuisance = np.asarray(test.whiten_both(np.concatenate(columns, axis=1)))
-    discrimination = Discrimination(nuisance, old, hypotheses, 1.0)
-    new = np.flatnonzero(~old)
-    apart = discrimination.distances(new)
-    return NextMeasurement(
-        test.label,
-        test.kind,
-        test.minutes + mounting,
-        discrimination.chance(new),
-        {causes: apart[i] for i, (causes, _) in enumerate(known) if i},
-        test.plan,
-    )
+    hypotheses = [one for _, one in known]
+    return [causes for causes, _ in known], Discrimination(nuisance, test.old, hypotheses, 1.0)
 
 
 def _hypothesis(test: _Test, one: Alternative) -> Hypothesis | None:
@@ -282,11 +302,76 @@ def _more_touches(diagnosis: Diagnosis) -> Iterator[_Test]:
             new,
             model,
             both,
+            np.arange(len(both.readings)) < len(model.readings),
             np.array(list(diagnosis.nuisance_after.values())),
             {e.id: e.id for e in model.effects},
             Scaling(np.full(len(model.readings), noise)),
             Scaling(np.full(len(both.readings), noise)),
         )
+
+
+def _more_touches_of_several(diagnosis: Diagnosis, sets: Sequence[Alternative]) -> Iterator[_Test]:
+    """Further touches with the artefact where the last measurement of touches had it."""
+    if not isinstance(diagnosis.data, tuple):
+        return
+    model, _ = _joint(diagnosis)
+    i = max((i for i, p in enumerate(model.parts) if p.kind == "touches"), default=None)
+    if i is None:
+        return
+    measured = cast(TouchDiagnosisModel, model.parts[i].model)
+    old = measured.data
+    yield _follows(diagnosis, model, i, "the same touches in reversed order", _reversed(old))
+    reachable = pool_of(measured)
+    every = _follows(diagnosis, model, i, "all that are reachable", reachable)
+    weighed = _discrimination(every, sets)
+    if weighed is not None:
+        first = int(np.flatnonzero(~every.old)[0])
+        chosen = reachable[weighed[1].choose(FEW) - first]
+        new = in_good_order(chosen, old, measured.setup)
+        yield _follows(
+            diagnosis, model, i, f"{FEW} touches chosen for it, the artefact left as it is", new
+        )
+
+
+def _follows(diagnosis: Diagnosis, model: JointModel, i: int, label: str, new: Touches) -> _Test:
+    """Touches that follow those of part ``i`` of a joint model."""
+    part = model.parts[i]
+    before = cast(TouchDiagnosisModel, part.model)
+    follows = before.bind(without_frame(before.data).followed_by(without_frame(new)))
+    n, more = len(before.readings), len(follows.readings)
+    longer = Part(
+        part.name,
+        part.kind,
+        follows,
+        np.arange(more),
+        Scaled(identity, part.whiten.size),
+        candidates=part.candidates,
+    )
+    both = JointModel([*model.parts[:i], longer, *model.parts[i + 1 :]], before=model)
+    start = sum(len(p.model.readings) for p in model.parts[:i])
+    old = np.ones(len(both.readings), dtype=bool)
+    old[start + n : start + more] = False
+    none = np.zeros(0)
+    return _Test(
+        label,
+        "touches",
+        _minutes(new, before.setup),
+        new,
+        model,
+        both,
+        old,
+        _nuisance_of(diagnosis, model),
+        {e.id: e.id for e in model.effects},
+        model.whitener(none),
+        both.whitener(none),
+    )
+
+
+def _nuisance_of(diagnosis: Diagnosis, model: JointModel) -> Floats:
+    """Values of what a joint model always fits, as a diagnosis found them."""
+    values = diagnosis.nuisance_after
+    found = [values.get(x.name, values.get(x.name.partition(":")[2])) for x in model.nuisance]
+    return np.array(found, dtype=np.float64)
 
 
 def _reversed(old: Touches) -> Touches:
@@ -309,8 +394,7 @@ def _minutes(touches: Touches, setup: Setup) -> float:
 def _other_kinds(diagnosis: Diagnosis, setup: Setup | None) -> Iterator[_Test]:
     """Tests of other instruments beside the measurement."""
     model, ids = _joint(diagnosis)
-    values = diagnosis.nuisance_after
-    nuisance = [values.get(x.name, values.get(x.name.partition(":")[2])) for x in model.nuisance]
+    nuisance = _nuisance_of(diagnosis, model)
     none = np.zeros(0)
     for label, kind, minutes, noise, new in _candidates(diagnosis, setup):
         name = kind if all(p.kind != kind for p in model.parts) else f"{kind} next"
@@ -327,7 +411,8 @@ def _other_kinds(diagnosis: Diagnosis, setup: Setup | None) -> Iterator[_Test]:
             new.data,
             model,
             both,
-            np.array(nuisance, dtype=np.float64),
+            np.arange(len(both.readings)) < len(model.readings),
+            nuisance,
             ids,
             model.whitener(none),
             both.whitener(none),

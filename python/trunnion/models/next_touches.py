@@ -157,7 +157,7 @@ def expected_discrimination(d: Diagnosis, n: int = 8) -> ExpectedDiscrimination:
         raise InputError("diagnosis: got one of other data, expected a diagnosis of touches")
     model = cast(TouchDiagnosisModel, d.rebuilt_model())
     n = whole("n", n, 1, MAX_TOUCHES)
-    pool = _pool(model)
+    pool = pool_of(model)
     used = np.delete(np.arange(len(model.data)), distinct_rows(d.data).numbers(d.outliers))
     old = model.data[used]
     both = model.bind(without_frame(old).followed_by(without_frame(pool)))
@@ -187,12 +187,12 @@ def expected_discrimination(d: Diagnosis, n: int = 8) -> ExpectedDiscrimination:
         chosen = _sharpest(nuisance, sets[0].columns, is_old, n)
         chance, enough, alike = 1.0, None, ()
     before, after = _std(d, model.effects, nuisance, sets[0].columns, is_old, chosen)
-    ordered = _ordered(pool[chosen - len(old)], old, model.setup)
+    ordered = in_good_order(pool[chosen - len(old)], old, model.setup)
     return ExpectedDiscrimination(ordered, len(sets), chance, enough, alike, before, after)
 
 
-def _pool(model: TouchDiagnosisModel) -> Touches:
-    """Every touch that is reachable, timed as if it were done after the measurement."""
+def pool_of(model: TouchDiagnosisModel) -> Touches:
+    """Return every touch that is reachable, timed as if it were done after the measurement."""
     setup = model.setup
     feeds = model.data.feed_mm_min
     usual = float(np.median(feeds)) if feeds is not None else FIND_MM_MIN
@@ -296,7 +296,7 @@ def _std(
     return out[0], out[1]
 
 
-def _ordered(chosen: Touches, old: Touches, setup: Setup) -> Touches:
+def in_good_order(chosen: Touches, old: Touches, setup: Setup) -> Touches:
     """Sort by position of the axes and sense; time runs on as the program needs it."""
     senses = list(chosen.rotary_dir.values())
     out = chosen[np.lexsort([*senses, *chosen.rotary_deg.values()])]
