@@ -35,6 +35,7 @@ from trunnion.diagnosis.selection import SCORE_DIGITS, TINY, Found, Search
 Members = frozenset[int]
 
 NEAR_ODDS = 5.0  # of the likeliest set of a good score over one that may be instead of it
+OVERRULED = 100.0  # of the likeliest set of all over that of a good score, which it replaces
 HIDDEN = 0.25  # left of a squared unit column, below which a set hides a cause
 MIN_WEIGHT = 0.01  # of a set, by which causes are asked for that it hides
 
@@ -135,12 +136,17 @@ class Probabilities:
     def likeliest(self) -> list[Found]:
         """Sets near the best score, the likeliest first, then others about as probable as it.
 
-        None is empty.
+        None is empty. A good score of sets that are next to impossible (a curve of ten parameters
+        for a difference of two) names none of them.
         """
         best = min(f.score for f in self.known.values()) + self.search.within
         near = {mask for mask, f in self.known.items() if mask and f.score <= best}
-        least = max((self._weights.get(m, 0.0) for m in near), default=math.inf) / NEAR_ODDS
-        more = {m for m, w in self._weights.items() if m in self.known and w > least}
+        weights = {m: w for m, w in self._weights.items() if m in self.known}
+        least = max((weights.get(m, 0.0) for m in near), default=math.inf) / NEAR_ODDS
+        most = max((w for m, w in weights.items() if m), default=0.0)
+        if most > OVERRULED * NEAR_ODDS * least:
+            near, least = {m for m, w in weights.items() if m and w == most}, most / NEAR_ODDS
+        more = {m for m, w in weights.items() if w > least}
         # Sets that explain the same are ordered by the catalogue, not by rounding.
         ranked = [
             (m not in near, -round(self._weights.get(m, 0.0), SCORE_DIGITS), m)

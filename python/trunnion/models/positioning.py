@@ -32,7 +32,13 @@ from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.models.warming import warmup
 
-LINEAR = ("x", "y", "z")
+LINEAR, ROTARY = ("x", "y", "z"), ("a", "b", "c")
+OF_ROTARY = {
+    "reversal": ("backlash", -1.0),
+    "harmonic_1": ("positioning", 1.0),
+    "harmonic_2": ("positioning_2", 1.0),
+}
+"""What touches and tests of a rotary axis call its errors, after its letter; their sign."""
 MIN_WAVE_TARGETS = 9  # a wave of three parameters beside a scale and a reversal
 MIN_PERIODS = 3
 MIN_TURN_DEG = 300.0  # below it harmonics of the turn look like one another
@@ -56,9 +62,9 @@ def not_shared(data: Any, others: Sequence[Any]) -> tuple[str, ...]:
     if axis in LINEAR or alike:
         return ()
     got = "there is no column axis" if data.axis is None else f"axis is {str(data.axis[0])!r}"
+    own = "the scale of this run is" if axis in ROTARY else "scale and reversal of this run are"
     return (
-        f"{got}: scale and reversal of this run are not shared with other measurements, as they "
-        "are where axis says X, Y or Z.",
+        f"{got}: {own} not shared with other measurements, as they are where axis says X, Y or Z.",
     )
 
 
@@ -122,13 +128,17 @@ class PositioningModel(LinearModel):
     def shared(self, effect: Effect) -> tuple[str, float] | None:
         """Scale and reversal are errors of the axis in any measurement; others of its stops.
 
-        A backlash makes an approach in + stop short: the reversal is its opposite.
+        A backlash makes an approach in + stop short: the reversal is its opposite. Of a rotary axis
+        an error once and twice a turn is its positioning; its scale has another unit elsewhere.
         """
         axis = _axis(self.data)
         if effect.id in OF_TIME:
             return None
         if axis in LINEAR and effect.id in ("scale", "reversal"):
             return (f"scale_{axis}", 1.0) if effect.id == "scale" else (f"backlash_{axis}", -1.0)
+        if axis in ROTARY and effect.id in OF_ROTARY:
+            name, sign = OF_ROTARY[effect.id]
+            return f"{axis}_{name}", sign
         return (effect.id if axis is None else f"{effect.id}_of_{axis}", 1.0)
 
     def extended(

@@ -1,0 +1,81 @@
+"""Stops of a rotary axis beside touches: its reversal and its positioning are those of the machine.
+
+Touches come from the independent twin, stops from the formulas of ISO 230-2 here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+import trunnion as tn
+from power.study import ground
+from twin.forward import Truth
+from twin.generator import measure, random_errors, random_placement
+
+Rng = np.random.Generator
+NOISE_UM, NOISE_ARCSEC = 0.3, 0.5
+Causes = Mapping[str, Mapping[str, float]]
+
+
+def touches(effects: Causes, rng: Rng) -> tuple[tn.Touches, tn.Setup]:
+    plan, setup, _, read = ground("rich")
+    truth = Truth(errors=random_errors(rng), placement=random_placement(rng), effects=effects)
+    seed = int(rng.integers(1 << 31))
+    made = measure(plan, setup, truth, noise_um=NOISE_UM, tick_um=0.01, seed=seed)
+    return tn.Touches(made.columns), read
+
+
+def stops(rng: Rng, ahead: float = 0.0, once: tuple[float, float] = (0.0, 0.0)) -> tn.Positioning:
+    """Stops of C every 30°, approached from both sides; ``ahead``: forward less backward."""
+    up = np.arange(0.0, 360.0, 30.0)
+    target = np.tile(np.concatenate([up, up[::-1]]), 4)
+    sense = np.tile(np.repeat([1, -1], len(up)), 4)
+    turn = np.radians(target)
+    off = ahead / 2 * sense + once[0] * np.cos(turn) + once[1] * np.sin(turn)
+    off = off + NOISE_ARCSEC * rng.standard_normal(len(target)) + 3.0
+    return tn.Positioning(
+        target_deg=target,
+        measured_deg=target + off / 3600,
+        direction=sense,
+        cycle=np.repeat(np.arange(1, 5), 2 * len(up)),
+        axis=np.full(len(target), "C"),
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_backlash_and_positioning_of_c_are_shared(seed: int) -> None:
+    rng = np.random.default_rng([811, seed])
+    effects: Causes = {
+        "c_backlash": {"b_arcsec": 6.0},
+        "c_positioning": {"a1_arcsec": 5.0, "b1_arcsec": -7.0},
+    }
+    first, setup = touches(effects, rng)
+    d = tn.diagnose([first, stops(rng, -6.0, (5.0, -7.0))], setup)
+    assert d.named == {"c_backlash", "c_positioning"}
+    assert d.effects["c_backlash"]["b_arcsec"] == pytest.approx(6.0, abs=0.4)
+    assert d.effects["c_positioning"]["a1_arcsec"] == pytest.approx(5.0, abs=0.4)
+    assert d.effects["c_positioning"]["b1_arcsec"] == pytest.approx(-7.0, abs=0.4)
+    assert d.labels["c_backlash"] == "backlash of the C axis"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_an_instrument_that_is_off_centre_is_not_the_axis(seed: int) -> None:
+    """It reads an error once a turn that touches do not see: the measurements contradict."""
+    rng = np.random.default_rng([812, seed])
+    first, setup = touches({}, rng)
+    d = tn.diagnose([first, stops(rng, 0.0, (9.0, 4.0))], setup)
+    assert "c_positioning" not in d.named
+    assert d.unexplained is not None
+    assert "contradict each other: c_positioning.a1_arcsec is" in d.unexplained
+
+
+def test_stops_of_c_alone_say_it_once_a_turn() -> None:
+    rng = np.random.default_rng(813)
+    d = tn.diagnose(stops(rng, 4.0, (5.0, -7.0)))
+    assert d.named == {"reversal", "harmonic_1"}
+    two = tn.diagnose([stops(rng, 4.0, (5.0, -7.0)), stops(rng, 4.0, (5.0, -7.0))])
+    assert two.named == {"c_backlash", "c_positioning"}
+    assert two.effects["c_backlash"]["b_arcsec"] == pytest.approx(-4.0, abs=0.5)
