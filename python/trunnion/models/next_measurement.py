@@ -29,7 +29,7 @@ from trunnion.diagnosis.fit import fit
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import Alternative
 from trunnion.diagnosis.result import Diagnosis
-from trunnion.diagnosis.whitening import Scaled, Scaling, Whiten, identity
+from trunnion.diagnosis.whitening import Scaled, Whiten, identity
 from trunnion.models.ballbar.model import BallbarModel
 from trunnion.models.joint import JointModel
 from trunnion.models.kinds import measured_of
@@ -44,7 +44,6 @@ from trunnion.setup import Setup
 MOUNTING_MINUTES: Mapping[str, float] = {"touches": 2.0, "ballbar": 10.0, "positioning": 30.0}
 NOISE_UM = 0.5  # of a ball-bar, and of stops of an axis
 USEFUL = 0.5  # chance from which a test comes before those that are only quick
-MIN_NOISE_UM = 1e-3
 FEW, FEED = 8, 600.0
 TARGETS, CYCLES, STOP_S = 11, 5, 5.0
 TRAVEL_MM = (-150.0, 150.0)  # where the set-up states no range
@@ -193,8 +192,7 @@ def next_measurement(
     found = [
         _expected(test, sets, mounting[test.kind])
         for test in (
-            *_more_touches(diagnosis),
-            *_more_touches_of_several(diagnosis, sets),
+            *_more_touches(diagnosis, sets),
             *_other_kinds(diagnosis, place),
         )
     ]
@@ -280,60 +278,39 @@ def _hypothesis(test: _Test, one: Alternative) -> Hypothesis | None:
 # --- the tests
 
 
-def _more_touches(diagnosis: Diagnosis) -> Iterator[_Test]:
-    """Further touches with the artefact where it is."""
-    if not isinstance(diagnosis.data, Touches):
-        return
-    model = cast(TouchDiagnosisModel, measured_of(diagnosis).used)
-    old = model.data
-    noise = max(diagnosis.sigma, MIN_NOISE_UM)
-    for label, new in (
-        ("the same touches in reversed order", _reversed(old)),
-        (
-            f"{FEW} touches of next_touches, the artefact left as it is",
-            next_touches(diagnosis, FEW),
-        ),
-    ):
-        both = model.bind(without_frame(old).followed_by(without_frame(new)))
-        yield _Test(
-            label,
-            "touches",
-            _minutes(new, model.setup),
-            new,
-            model,
-            both,
-            np.arange(len(both.readings)) < len(model.readings),
-            np.array(list(diagnosis.nuisance_after.values())),
-            {e.id: e.id for e in model.effects},
-            Scaling(np.full(len(model.readings), noise)),
-            Scaling(np.full(len(both.readings), noise)),
-        )
-
-
-def _more_touches_of_several(diagnosis: Diagnosis, sets: Sequence[Alternative]) -> Iterator[_Test]:
-    """Further touches with the artefact where the last measurement of touches had it."""
-    if not isinstance(diagnosis.data, tuple):
-        return
-    model, _ = _joint(diagnosis)
+def _more_touches(diagnosis: Diagnosis, sets: Sequence[Alternative]) -> Iterator[_Test]:
+    """Further touches, with the artefact where the last measurement of touches had it."""
+    model, ids = _joint(diagnosis)
     i = max((i for i, p in enumerate(model.parts) if p.kind == "touches"), default=None)
     if i is None:
         return
+
+    def follows(label: str, new: Touches) -> _Test:
+        return _follows(diagnosis, model, ids, i, label, new)
+
     measured = cast(TouchDiagnosisModel, model.parts[i].model)
-    old = measured.data
-    yield _follows(diagnosis, model, i, "the same touches in reversed order", _reversed(old))
+    yield follows("the same touches in reversed order", _reversed(measured.data))
+    if isinstance(diagnosis.data, Touches):
+        new = next_touches(diagnosis, FEW)
+        yield follows(f"{FEW} touches of next_touches, the artefact left as it is", new)
+        return
     reachable = pool_of(measured)
-    every = _follows(diagnosis, model, i, "all that are reachable", reachable)
+    every = follows("all that are reachable", reachable)
     weighed = _discrimination(every, sets)
     if weighed is not None:
-        first = int(np.flatnonzero(~every.old)[0])
-        chosen = reachable[weighed[1].choose(FEW) - first]
-        new = in_good_order(chosen, old, measured.setup)
-        yield _follows(
-            diagnosis, model, i, f"{FEW} touches chosen for it, the artefact left as it is", new
-        )
+        chosen = weighed[1].choose(FEW) - np.flatnonzero(~every.old)[0]
+        new = in_good_order(reachable[chosen], measured.data, measured.setup)
+        yield follows(f"{FEW} touches chosen for it, the artefact left as it is", new)
 
 
-def _follows(diagnosis: Diagnosis, model: JointModel, i: int, label: str, new: Touches) -> _Test:
+def _follows(
+    diagnosis: Diagnosis,
+    model: JointModel,
+    ids: Mapping[str, str],
+    i: int,
+    label: str,
+    new: Touches,
+) -> _Test:
     """Touches that follow those of part ``i`` of a joint model."""
     part = model.parts[i]
     before = cast(TouchDiagnosisModel, part.model)
@@ -361,7 +338,7 @@ def _follows(diagnosis: Diagnosis, model: JointModel, i: int, label: str, new: T
         both,
         old,
         _nuisance_of(diagnosis, model),
-        {e.id: e.id for e in model.effects},
+        ids,
         model.whitener(none),
         both.whitener(none),
     )
