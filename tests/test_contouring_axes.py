@@ -104,6 +104,16 @@ def test_an_axis_sticks_below_breakaway_and_moves_above() -> None:
         assert abs(command[-1] - y[-1]) <= 4.0e-3 + 1e-12
 
 
+def test_that_breakaway_is_at_least_the_coulomb_level_is_stated_where_it_is_refused() -> None:
+    for axis, unit, stated in (
+        (ct.LinearAxis, "um", "Where there is a Coulomb level, the breakaway must be at least"),
+        (ct.RotaryAxis, "arcsec", "breakaway at least the Coulomb level"),
+    ):
+        with pytest.raises(InputError, match=rf"breakaway_{unit}: .*at least coulomb_{unit} = 3"):
+            axis(80.0, 5.0, **{f"coulomb_{unit}": 3.0})
+        assert stated in " ".join((axis.__doc__ or "").split())
+
+
 @pytest.mark.parametrize(("letter", "stride"), [("Y", 1), ("Y", 4), ("C", 7)])
 def test_many_responses_are_those_of_single_calls(letter: str, stride: int) -> None:
     command = 3.0 * np.sin(np.linspace(0.0, 7.0, 1001))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.main import get_command
 from typer.testing import CliRunner
 
 import model_contract as contract
@@ -127,6 +128,47 @@ def test_the_joint_model_is_a_model() -> None:
 def test_a_list_of_one_is_refused() -> None:
     with pytest.raises(tn.InputError, match="at least two"):
         tn.diagnose([axis(np.random.default_rng(1))])
+
+
+@pytest.mark.parametrize("of", [list, tuple])
+def test_a_list_within_the_list_is_refused_by_its_place(of: type) -> None:
+    stop = axis(np.random.default_rng(1))
+    for data, place in (([of([stop, stop]), stop], 0), ([stop, of([stop])], 1)):
+        said = rf"data\[{place}\]: got a {of.__name__} of \d, expected a measurement or a "
+        for function in (tn.diagnose, tn.catalogue):
+            with pytest.raises(tn.InputError, match=said):
+                function(data)
+
+
+@pytest.mark.parametrize(
+    ("option", "given", "expected"),
+    [
+        ("--probe-log", "probed.log", "trunnion touches plan.csv probed.log setup.toml -o"),
+        ("--out", "pages", "expected --html for the report or --output for the result"),
+    ],
+)
+def test_an_option_that_is_none_of_a_joint_diagnosis_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, option: str, given: str, expected: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("probed.log").touch()
+    for letter in "xy":
+        stops(np.random.default_rng(1), letter, {}).to_csv(f"{letter}.csv")
+    said = CliRunner().invoke(app, ["diagnose", "--joint", "x.csv", "y.csv", option, given])
+    assert said.exit_code == 2, said.output
+    words = " ".join(said.output.split())
+    assert f"{option}: got it with --joint, " in words
+    assert expected in words
+    assert not Path("pages").exists()
+
+
+def test_the_help_says_how_many_touches_are_planned_together() -> None:
+    command = get_command(app).commands["diagnose"]  # type: ignore[attr-defined]
+    assert "with --joint touches that are chosen for it are always eight" in " ".join(
+        command.help.split()
+    )
+    option = next(one for one in command.params if "--next" in one.opts)
+    assert "with --joint always eight" in option.help
 
 
 def test_the_command_diagnoses_together(tmp_path: Path) -> None:

@@ -160,6 +160,9 @@ def test_what_has_no_view_says_so() -> None:
         tn.plot.scene(tn.diagnose(*_measured()).gain)
     with pytest.raises(tn.InputError, match="got 0 Setup, expected the one that it is of"):
         _measured()[0].scene()
+    bar, stop = (tn.read(tn.sample_path(f)) for f in ("ballbar/circle.csv", "positioning/axis.csv"))
+    with pytest.raises(tn.InputError, match="scene: got a diagnosis of 2 measurements together"):
+        tn.diagnose([bar, stop]).scene()
     with pytest.raises(tn.InputError, match="residuals_um: got shape"):
         tn.plot.scene(*_measured(), residuals_um=np.zeros(3))
 

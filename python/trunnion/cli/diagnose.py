@@ -89,7 +89,8 @@ def diagnose(
             "--next",
             min=0,
             max=MAX_NEXT,
-            help="plan this many touches that discriminate the alternatives; rank further tests",
+            help="plan this many touches that discriminate the alternatives (with --joint always "
+            "eight); rank further tests",
         ),
     ] = 0,
     joint: Annotated[
@@ -107,7 +108,8 @@ def diagnose(
     read is named there and the exit code is 2. --next ranks further tests by how probably they
     settle what is in doubt; of touches, --output is then where the plan of further ones goes
     (next.csv if absent). Where the first test is one of touches beside other measurements, its plan
-    is in next.csv. --html, or --output with a name that ends in .html, writes the report: one
+    is in next.csv; with --joint touches that are chosen for it are always eight, whatever the
+    number of --next. --html, or --output with a name that ends in .html, writes the report: one
     page with the evidence.
     """
     several = sum(file.suffix.lower() != ".toml" for file in files) > 1
@@ -119,6 +121,7 @@ def diagnose(
             )
         return _batch(files, kind, out, output)
     if joint:
+        _refuse_beside_joint(probe_log, out)
         d = _together(files, kind, effects or [])
         shown: list[Any] = [*(text for one in d.data for text in said_of(one)), d]
     else:
@@ -226,6 +229,21 @@ def _diagnosed(data: Any, setup: tn.Setup | None, effects: list[str]) -> Diagnos
             idle.append(f"{one} has no effect on {kinds} ({why}): none of it was looked for.")
     d = tn.diagnose(data, setup, effects=found)
     return replace(d, notes=(*idle, *d.notes))
+
+
+def _refuse_beside_joint(probe_log: Path | None, out: Path | None) -> None:
+    """Refuse options that a joint diagnosis has no use for, before anything is read."""
+    if probe_log is not None:  # of several files it is not said which is its plan
+        raise tn.InputError(
+            "--probe-log: got it with --joint, expected measured touches among the files: write "
+            f"them with `trunnion touches plan.csv {probe_log} setup.toml -o touches.csv`, "
+            "then diagnose touches.csv with the others"
+        )
+    if out is not None:
+        raise tn.InputError(
+            "--out: got it with --joint, expected --html for the report or --output for the "
+            "result: measurements that are diagnosed together have one page"
+        )
 
 
 def _together(files: list[Path], kind: str, effects: list[str]) -> Diagnosis:

@@ -84,7 +84,8 @@ class LinearAxis(_Servo):
         Loop gain K_v and time constant of the drive.
     coulomb_um, breakaway_um, stribeck_mm_min:
         Friction at speed and at rest, as the position error it takes to overcome it, and the speed
-        over which one goes into the other.
+        over which one goes into the other. Where there is a Coulomb level, the breakaway must be
+        at least as large: equal where an axis at rest needs no more.
     backlash_um:
         Width of the play; the load lies half of it behind.
     cyclic_um, pitch_mm, phase_deg:
@@ -134,7 +135,7 @@ class LinearAxis(_Servo):
 
 @dataclass(frozen=True)
 class RotaryAxis(_Servo):
-    """As `LinearAxis`, in arcsec, deg and deg/min."""
+    """As `LinearAxis`, in arcsec, deg and deg/min; breakaway at least the Coulomb level, too."""
 
     table: ClassVar[str] = "RotaryAxis"
     gain_per_s: float = key(..., POSITIVE, "loop gain")

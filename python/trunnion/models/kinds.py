@@ -383,7 +383,7 @@ def as_table(data: Any) -> Any:
 
 def _of_several(data: Sequence[Any], setup: Any, effects: Sequence[EffectLike | str]) -> Diagnosis:
     """Diagnose several measurements of one machine, each once."""
-    _at_least_two(data)
+    _check_several(data)
     tables = [as_table(one) for one in data]
     again = given_again(tables)
     notes = tuple(
@@ -405,7 +405,14 @@ def _of_several(data: Sequence[Any], setup: Any, effects: Sequence[EffectLike | 
     return replace(found, notes=(*notes, *said, *found.notes))
 
 
-def _at_least_two(data: Sequence[Any]) -> None:
+def _check_several(data: Sequence[Any]) -> None:
+    """Refuse lists within the list, which would pass as models, and a list of less than two."""
+    for i, one in enumerate(data):
+        if isinstance(one, list | tuple):
+            raise InputError(
+                f"data[{i}]: got a {type(one).__name__} of {len(one)}, expected a measurement or a "
+                "diagnosis model: give all of them in one list"
+            )
     if len(data) < 2:
         raise InputError(f"data: got {len(data)} measurements in a list, expected at least two")
 
@@ -414,7 +421,7 @@ def _measured(
     data: Sequence[Any], setup: Any, effects: Sequence[EffectLike | str]
 ) -> list[Measured]:
     """Diagnose each of several measurements alone."""
-    _at_least_two(data)
+    _check_several(data)
     data = list(map(as_table, data))
     _refuse_other_frames(data)
     for effect in effects:

@@ -89,6 +89,11 @@ def _diagnosed(d: Diagnosis, context: tuple[Any, ...], options: dict[str, Any]) 
     which = options.pop("which", "after")
     if which not in ("before", "after"):
         raise InputError(f"which: got {which!r}, expected 'before' or 'after'")
+    if isinstance(d.data, tuple):
+        raise InputError(
+            f"scene: got a diagnosis of {len(d.data)} measurements together, expected a diagnosis "
+            "of one of them: each has a place of its own in space"
+        )
     if not isinstance(d.data, Touches) or d.residuals is None:
         return scene(d.data, *context, **options)
     record = d.residuals
