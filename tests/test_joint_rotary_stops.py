@@ -59,6 +59,7 @@ def test_a_backlash_and_positioning_of_c_are_shared(seed: int) -> None:
     assert d.effects["c_positioning"]["a1_arcsec"] == pytest.approx(5.0, abs=0.4)
     assert d.effects["c_positioning"]["b1_arcsec"] == pytest.approx(-7.0, abs=0.4)
     assert d.labels["c_backlash"] == "backlash of the C axis"
+    assert not any("One instrument on a turning axis" in note for note in d.notes)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -76,6 +77,55 @@ def test_stops_of_c_alone_say_it_once_a_turn() -> None:
     rng = np.random.default_rng(813)
     d = tn.diagnose(stops(rng, 4.0, (5.0, -7.0)))
     assert d.named == {"reversal", "harmonic_1"}
+    assert any("One instrument on a turning axis" in note for note in d.notes)
     two = tn.diagnose([stops(rng, 4.0, (5.0, -7.0)), stops(rng, 4.0, (5.0, -7.0))])
     assert two.named == {"c_backlash", "c_positioning"}
     assert two.effects["c_backlash"]["b_arcsec"] == pytest.approx(-4.0, abs=0.5)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_an_error_of_the_first_date_alone_has_ended(seed: int) -> None:
+    """As two causes that cancel, an error and its change, it was "unexplained" or a wander."""
+    rng = np.random.default_rng([814, seed])
+    d = tn.diagnose([stops(rng, -6.0, (4.0, -3.0)), stops(rng, -6.0)])
+    ended = "positioning 2:change_c_positioning_ended"
+    assert d.named == {"c_backlash", ended}
+    assert d.labels["c_backlash"] == "backlash of the C axis"
+    assert d.labels[ended].endswith("ended before positioning 2")
+    assert d.effects[ended]["a1_arcsec"] == pytest.approx(4.0, abs=0.5)
+    other = tn.diagnose([stops(rng, -6.0), stops(rng, -6.0, (4.0, -3.0))])
+    assert other.named == {"c_backlash", "positioning 2:change_c_positioning"}
+
+
+def test_what_one_measurement_shows_another_may_be_told_a_little_worse() -> None:
+    """Touches see 1.2 arcsec with 0.3: a set was refused where their rms rose at all."""
+    for seed in range(6):
+        rng = np.random.default_rng([815, seed])
+        first, setup = touches({}, rng)
+        d = tn.diagnose([first, stops(rng, 0.0, (1.2, -0.9))], setup)
+        assert d.causes or "contradict each other" in (d.unexplained or ""), seed
+        assert "larger rms" not in (d.unexplained or "")
+
+
+def test_stops_of_which_the_sense_is_reversed_are_asked_about() -> None:
+    rng = np.random.default_rng(817)
+    first, setup = touches({"c_backlash": {"b_arcsec": 6.0}}, rng)
+    right = stops(rng, -6.0)
+    d = tn.diagnose([first, right.with_columns(direction=-right.direction)], setup)
+    assert "is a direction or a sense of approach reversed in one?" in str(d.unexplained)
+
+
+def test_angles_within_one_turn_are_refused_and_axes_of_other_names_are_said() -> None:
+    rng = np.random.default_rng(816)
+    made = stops(rng, -6.0)
+    low = made.with_columns(measured_deg=np.asarray(made.measured) - 6.0 / 3600)
+    within = low.with_columns(measured_deg=np.mod(low.measured, 360.0))
+    with pytest.raises(
+        tn.DataError, match=r"measured_deg \(row 0\): got 359\.99.* within one turn"
+    ):
+        tn.diagnose(within)
+    first, setup = touches({}, rng)
+    for name, said in (("U", True), (" c ", False)):
+        other = made.with_columns(axis=np.full(len(made), name))
+        d = tn.diagnose([first, other], setup)
+        assert any("errors once and twice per turn" in note for note in d.notes) == said

@@ -26,6 +26,7 @@ MAX_EXCHANGED = 0.5  # different measured positions a target: repeats of a stop 
 DEVIATIONS = 5e-4  # of the travel of the targets: less than of another unit
 OFF_LINE = 0.01  # of the measured travel: half of the positions of an axis are nearer to a line
 MAX_OFF_LINE = 1.0  # mm or degrees: the same, of an axis that hardly moves
+TURN_DEG, NEAR_A_TURN_DEG = 360.0, 10.0
 OF_LONG_TRAVEL = 1e-5  # of the measured travel: the same, of positions in a smaller unit
 FAR_OFF = 10.0  # of the median distance from the line: stops that are no part of it
 LARGE_DEVIATION = 1.0  # mm or degrees: what no axis deviates by
@@ -190,6 +191,23 @@ class Positioning(Table):
         largest = MAX_STEP * float(np.ptp(self.deviation))
         return max((step for steps in found for step in steps if step <= largest), default=0.0)
 
+    def _check_turns(self) -> None:
+        """Refuse angles of which some are counted within one turn, where the targets are not."""
+        if not self.rotary:
+            return
+        off = self.measured - self.target
+        turns = np.round(off / TURN_DEG)
+        usual = float(np.median(turns))
+        wrapped = np.flatnonzero((turns != usual) & (abs(off - TURN_DEG * turns) < NEAR_A_TURN_DEG))
+        if len(wrapped) and np.all(abs(off[turns == usual] - TURN_DEG * usual) < NEAR_A_TURN_DEG):
+            first = int(wrapped[0])
+            raise DataError(
+                f"measured_deg (row {first}): got {self.measured[first]:.9g} at target "
+                f"{self.target[first]:.9g}, a whole turn more or less than other rows "
+                f"({len(wrapped)} of {len(off)} rows): is it counted within one turn? Expected "
+                "angles that are counted on, as the targets are"
+            )
+
     def check_units(self) -> None:
         """Refuse measured positions that do not move as the targets do.
 
@@ -197,8 +215,9 @@ class Positioning(Table):
         ------
         DataError
             They move by less than half as much, more than twice as much, or the other way; or
-            they are the targets, and the columns exchanged.
+            they are the targets, and the columns exchanged; or some are a whole turn off.
         """
+        self._check_turns()
         count = len(np.unique(self.target))
         if count < 2:
             return

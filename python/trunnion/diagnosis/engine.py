@@ -54,7 +54,7 @@ from trunnion.diagnosis.steps import (
     white_beside,
 )
 from trunnion.diagnosis.suspects import far_out, proposals
-from trunnion.diagnosis.whitening import identity
+from trunnion.diagnosis.whitening import Whiteners, identity
 
 LOG = logging.getLogger("trunnion.diagnosis")
 
@@ -63,6 +63,7 @@ MAX_REVISIONS = 3
 MAX_ROUNDS = 3
 MAX_POINTS = 3  # about which candidates are linearised
 MAX_WORSE = 1.001  # of the rms of the plain model
+MAX_WORSE_OF_ONE = 30.0  # of squares over the noise, what of several measurements one is told worse
 MAX_NONLINEAR = 0.1  # of the rms of the residuals, that is left to the second order
 SAME_DIRECTION_COSINE = 0.999
 SAME_LIKELIHOOD = 0.5  # of -2 ln L: weights are good enough
@@ -286,7 +287,9 @@ def _worse(case: Case, choice: Choice) -> bool:
     """Whether causes leave a larger rms of the readings of a unit than the plain model, as printed.
 
     Not by rounding alone: what is printed is larger, or it is by more than `MAX_WORSE`. Of readings
-    that wander the rms says nothing: causes are judged by what no wander makes.
+    that wander the rms says nothing: causes are judged by what no wander makes. Of several
+    measurements, each of its own noise, one may be told a little worse for what another shows; from
+    there on they contradict each other.
     """
     rows = kept_rows(len(case.rows), choice[2])
     for wandering in case.wandering:
@@ -294,6 +297,9 @@ def _worse(case: Case, choice: Choice) -> bool:
     _, index = units_of(case.model.readings)
     plain, found = case.given or case.without(choice[2]).plain, choice[1].fit
     units = [rows & (index == i) for i in range(index.max() + 1)]
+    if isinstance(case.whiten, Whiteners):
+        squares = case.whiten(found.residuals) ** 2 - case.whiten(plain.residuals) ** 2
+        return any(float(np.sum(squares[u])) > MAX_WORSE_OF_ONE for u in units)
     sizes = [(rms(plain.residuals[u]), rms(found.residuals[u])) for u in units if np.any(u)]
     return any(
         after > MAX_WORSE * before or float(f"{after:.3g}") > float(f"{before:.3g}")

@@ -35,7 +35,7 @@ from trunnion.diagnosis.selection import SCORE_DIGITS, TINY, Found, Search
 Members = frozenset[int]
 
 NEAR_ODDS = 5.0  # of the likeliest set of a good score over one that may be instead of it
-OVERRULED = 100.0  # of the likeliest set of all over that of a good score, which it replaces
+OVERRULED = 10.0  # of the likeliest set of all over that of a good score, which it replaces
 HIDDEN = 0.25  # left of a squared unit column, below which a set hides a cause
 MIN_WEIGHT = 0.01  # of a set, by which causes are asked for that it hides
 

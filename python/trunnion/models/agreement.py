@@ -27,6 +27,8 @@ MIN_SEEN = 1e-4
 """Of what all measurements see of a cause, squared over their noise: less tells no difference."""
 TINY = 1e-300
 APART = "the measurements contradict each other"
+OPPOSITE = ": the same with the other sign; is a direction or a sense of approach reversed in one?"
+FAR = 4.0  # standard errors
 
 
 def errors_apart(parts: Sequence[Part], index: Sequence[Integers]) -> Iterator[tuple[str, int]]:
@@ -112,7 +114,15 @@ class Said:
             f"{value_in_words(value, std, self.unit)} in {kind}"
             for kind, (value, std) in self.by_kind.items()
         )
-        return f"{self.name} is {', '.join(each)}"
+        return f"{self.name} is {', '.join(each)}{OPPOSITE if self.opposite else ''}"
+
+    @property
+    def opposite(self) -> bool:
+        """Whether two say the same with the other sign, each far from nothing."""
+        values, std = np.array(list(self.by_kind.values())).T
+        size = max(float(np.linalg.norm(std)), TINY)
+        far = bool(np.all(abs(values) > FAR * std))
+        return len(values) == 2 and far and abs(float(np.sum(values))) < FAR * size
 
     @property
     def distance(self) -> float:

@@ -9,7 +9,8 @@ what changes with time. An instrument that several measurements of a kind have i
 measurement has the noise that is left of it alone, less what no cause makes.
 
 Measurements of one kind are of several dates, in the order given. For each error and effect that
-they share there is a further candidate: it changed before a later one ("touches 2:change_EX0C").
+they share there is a further candidate: it changed before a later one ("touches 2:change_EX0C"); of
+an effect also that it ended there ("touches 2:change_backlash_y_ended"), as one that was repaired.
 Of what measurements of different kinds share there are candidates that one kind says otherwise than
 the rest ("ballbar:differs_squareness_xy"): the measurements contradict each other.
 """
@@ -210,6 +211,12 @@ class JointModel(Model):
                 self._changes[id_] = Change(i, effect=shared)
                 label = f"change of {effect.label} before {part.name}"
                 yield self._effect(id_, effect.parameters, label, effect.owner)
+                ended = f"{id_}_ended"
+                self._changes[ended] = Change(i, effect=shared, ended=True)
+                label = f"{effect.label}, ended before {part.name}"
+                made_so = self._effect(ended, effect.parameters, label, effect.owner)
+                # Any two of the three are the same: a size on each date.
+                yield replace(made_so, instead_of=(shared, id_))
 
     def _possible_differences(self, made: Mapping[str, Effect]) -> Iterator[Effect]:
         """What one kind of measurement sees otherwise than the others that share it."""
@@ -291,8 +298,9 @@ class JointModel(Model):
         return at, own
 
     def _concerns(self, i: int, change: Change) -> bool:
-        """Whether a change acts on a part: one of the same kind, not before it."""
-        return i >= change.since and self.parts[i].kind == self.parts[change.since].kind
+        """Whether a change acts on a part: one of the same kind, not before it or not after."""
+        same = self.parts[i].kind == self.parts[change.since].kind
+        return same and (i < change.since) == change.ended
 
     def _position(self, i: int, error: str) -> int:
         return next(k for k, x in enumerate(self.parts[i].model.nuisance) if x.name == error)

@@ -48,12 +48,14 @@ class Acts:
 class Change:
     """A shared error or effect that changed before part ``since``; of an error ``effect`` is ''.
 
-    From the first part of its kind on: it is another in measurements of this kind.
+    From the first part of its kind on: it is another in measurements of this kind. ``ended``: it is
+    in those before, and not from this part on.
     """
 
     since: int
     error: str = ""
     effect: str = ""
+    ended: bool = False
 
 
 @dataclass(frozen=True, eq=False)

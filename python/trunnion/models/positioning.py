@@ -8,6 +8,7 @@ direction of approach.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -55,22 +56,25 @@ ONE_AXIS = "positioning of one axis: write a compensation table of it"
 
 def not_shared(data: Any, others: Sequence[Any]) -> tuple[str, ...]:
     """Say that a run shares neither scale nor reversal with other measurements, and why."""
-    if not isinstance(data, Positioning) or data.rotary:
+    if not isinstance(data, Positioning):
         return ()
     axis = _axis(data)
     alike = all(isinstance(one, Positioning) and _axis(one) == axis for one in others)
-    if axis in LINEAR or alike:
+    if axis in (ROTARY if data.rotary else LINEAR) or alike:
         return ()
     got = "there is no column axis" if data.axis is None else f"axis is {str(data.axis[0])!r}"
-    own = "the scale of this run is" if axis in ROTARY else "scale and reversal of this run are"
+    what, letters = "scale and reversal", "X, Y or Z"
+    if data.rotary:
+        what, letters = "reversal and errors once and twice per turn", "A, B or C"
     return (
-        f"{got}: {own} not shared with other measurements, as they are where axis says X, Y or Z.",
+        f"{got}: {what} of this run are not shared with other measurements, as they are where axis "
+        f"says {letters}.",
     )
 
 
 def _axis(data: Positioning) -> str | None:
     """Letter of the axis, small; None: it is not stated."""
-    return None if data.axis is None else str(data.axis[0]).lower()
+    return None if data.axis is None else str(data.axis[0]).strip().lower()
 
 
 class PositioningModel(LinearModel):
@@ -90,6 +94,7 @@ class PositioningModel(LinearModel):
     """
 
     def __init__(self, data: Positioning, effects: Sequence[EffectLike | str] = ()) -> None:
+        self._seen_elsewhere = False
         targets, index = data.stops
         if len(targets) < 3:
             raise DataError(f"targets: got {len(targets)}, expected at least 3")
@@ -124,6 +129,16 @@ class PositioningModel(LinearModel):
         """Return what has one parameter a target, where the targets are others."""
         same = np.array_equal(self.data.stops[0], other.data.stops[0])
         return frozenset() if same else frozenset(("reversal_of_position", "curve"))
+
+    def beside(self, others: Sequence[Model]) -> Model:
+        """Return the same model; where another kind sees the axis turn it is not one instrument."""
+        name = f"{_axis(self.data)}_positioning"
+        kinds = (one for one in others if not isinstance(one, PositioningModel))
+        if not self.data.rotary or all(e.id != name for one in kinds for e in one.effects):
+            return self
+        new = copy(self)
+        new._seen_elsewhere = True
+        return new
 
     def shared(self, effect: Effect) -> tuple[str, float] | None:
         """Scale and reversal are errors of the axis in any measurement; others of its stops.
@@ -179,7 +194,8 @@ class PositioningModel(LinearModel):
                 "No target is measured twice: errors of single targets count as noise here. A "
                 "second cycle, or the way back, would distinguish them."
             )
-        if data.rotary and not data.instruments and np.ptp(self.readings.values):
+        one = data.rotary and not data.instruments and not self._seen_elsewhere
+        if one and np.ptp(self.readings.values):
             out.append(
                 "One instrument on a turning axis: whether the axis or the instrument has the "
                 "error, the data do not say. Another instrument on the same stops would."

@@ -159,6 +159,8 @@ def shared_label(id_: str, label: str) -> str:
     letters = axes.upper()
     if kind in ("scale", "backlash") and axes in ("x", "y", "z"):
         return f"{kind} of the {letters} axis"
+    if id_ in ("a_backlash", "b_backlash", "c_backlash"):
+        return f"backlash of the {id_[0].upper()} axis"
     if kind == "squareness" and axes in ("xy", "xz", "yz"):
         return f"squareness of {letters[1]} to {letters[0]}"
     return f"{label} ({letters})" if kind.endswith("_of") and label else label
