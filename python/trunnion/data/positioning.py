@@ -199,7 +199,9 @@ class Positioning(Table):
         turns = np.round(off / TURN_DEG)
         usual = float(np.median(turns))
         wrapped = np.flatnonzero((turns != usual) & (abs(off - TURN_DEG * turns) < NEAR_A_TURN_DEG))
-        if len(wrapped) and np.all(abs(off[turns == usual] - TURN_DEG * usual) < NEAR_A_TURN_DEG):
+        others = off[turns == usual] - TURN_DEG * usual
+        most = len(others) > len(off) / 2 and np.all(abs(others) < NEAR_A_TURN_DEG)
+        if len(wrapped) and most:
             first = int(wrapped[0])
             raise DataError(
                 f"measured_deg (row {first}): got {self.measured[first]:.9g} at target "
