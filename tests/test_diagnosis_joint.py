@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.core import TyperGroup, TyperOption
 from typer.main import get_command
 from typer.testing import CliRunner
 
@@ -163,12 +164,15 @@ def test_an_option_that_is_none_of_a_joint_diagnosis_is_refused(
 
 
 def test_the_help_says_how_many_touches_are_planned_together() -> None:
-    command = get_command(app).commands["diagnose"]  # type: ignore[attr-defined]
+    every = get_command(app)
+    assert isinstance(every, TyperGroup)
+    command = every.commands["diagnose"]
     assert "with --joint touches that are chosen for it are always eight" in " ".join(
-        command.help.split()
+        str(command.help).split()
     )
-    option = next(one for one in command.params if "--next" in one.opts)
-    assert "with --joint always eight" in option.help
+    options = (one for one in command.params if isinstance(one, TyperOption))
+    option = next(one for one in options if "--next" in one.opts)
+    assert "with --joint always eight" in str(option.help)
 
 
 def test_the_command_diagnoses_together(tmp_path: Path) -> None:

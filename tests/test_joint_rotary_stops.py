@@ -97,7 +97,7 @@ def test_an_error_of_the_first_date_alone_has_ended(seed: int) -> None:
     assert other.named == {"c_backlash", "positioning 2:change_c_positioning"}
 
 
-def test_what_one_measurement_shows_another_may_be_told_a_little_worse() -> None:
+def test_what_one_measurement_shows_another_may_be_fitted_a_little_worse() -> None:
     """Touches see 1.2 arcsec with 0.3: a set was refused where their rms rose at all."""
     for seed in range(6):
         rng = np.random.default_rng([815, seed])

@@ -63,7 +63,7 @@ MAX_REVISIONS = 3
 MAX_ROUNDS = 3
 MAX_POINTS = 3  # about which candidates are linearised
 MAX_WORSE = 1.001  # of the rms of the plain model
-MAX_WORSE_OF_ONE = 30.0  # of squares over the noise, what of several measurements one is told worse
+MAX_WORSE_OF_ONE = 30.0  # of squares over the noise: one of several measurements fitted worse
 MAX_NONLINEAR = 0.1  # of the rms of the residuals, that is left to the second order
 SAME_DIRECTION_COSINE = 0.999
 SAME_LIKELIHOOD = 0.5  # of -2 ln L: weights are good enough
@@ -288,8 +288,8 @@ def _worse(case: Case, choice: Choice) -> bool:
 
     Not by rounding alone: what is printed is larger, or it is by more than `MAX_WORSE`. Of readings
     that wander the rms says nothing: causes are judged by what no wander makes. Of several
-    measurements, each of its own noise, one may be told a little worse for what another shows; from
-    there on they contradict each other.
+    measurements, each of its own noise, one may be fitted a little worse for what another shows;
+    from there on they contradict each other.
     """
     rows = kept_rows(len(case.rows), choice[2])
     for wandering in case.wandering:

@@ -149,9 +149,7 @@ class Probabilities:
         more = {m for m, w in weights.items() if w > least}
         # Sets that explain the same are ordered by the catalogue, not by rounding.
         ranked = [
-            (m not in near, -round(self._weights.get(m, 0.0), SCORE_DIGITS), m)
-            for m in near | more
-            if m
+            (m not in near, -round(weights.get(m, 0.0), SCORE_DIGITS), m) for m in near | more if m
         ]
         found = self.known
         ranked.sort(key=lambda one: (*one[:2], found[one[2]].score))

@@ -25,11 +25,11 @@ from trunnion.data.positioning import Positioning
 from trunnion.data.touches import Touches, without_frame
 from trunnion.diagnosis.discrimination import Discrimination, Hypothesis
 from trunnion.diagnosis.effect import Values
-from trunnion.diagnosis.fit import fit
+from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import Alternative
 from trunnion.diagnosis.result import Diagnosis
-from trunnion.diagnosis.whitening import Scaled, Whiten, identity
+from trunnion.diagnosis.whitening import Scaled, identity
 from trunnion.models.ballbar.model import BallbarModel
 from trunnion.models.joint import JointModel
 from trunnion.models.kinds import measured_of
@@ -189,48 +189,69 @@ def next_measurement(
         return ()
     place = diagnosis.setup if setup is None else setup
     place = place if isinstance(place, Setup) else None
-    found = [
-        _expected(test, sets, mounting[test.kind])
-        for test in (
-            *_more_touches(diagnosis, sets),
-            *_other_kinds(diagnosis, place),
-        )
-    ]
-    known = [one for one in found if one is not None]
-    return tuple(sorted(known, key=lambda n: (n.chance < USEFUL, -n.chance / n.minutes)))
+    known = _Known.of(diagnosis, sets)
+    tests = (*_more_touches(diagnosis, known), *_other_kinds(diagnosis, known, place))
+    found = [_expected(test, known, mounting[test.kind]) for test in tests]
+    useful = [one for one in found if one is not None]
+    return tuple(sorted(useful, key=lambda n: (n.chance < USEFUL, -n.chance / n.minutes)))
+
+
+@dataclass(frozen=True)
+class _Known:
+    """What was measured, as a joint model, and the sets that are in doubt, fitted to it.
+
+    ``nuisance``: values of what is always fitted, as the diagnosis found them.
+    """
+
+    model: JointModel
+    nuisance: Floats
+    sets: Sequence[Alternative]
+    fits: Sequence[Fit]
+
+    @classmethod
+    def of(cls, diagnosis: Diagnosis, sets: Sequence[Alternative]) -> _Known:
+        """Fit the sets of a diagnosis to its measurement."""
+        model, ids = _joint(diagnosis)
+        values = diagnosis.nuisance_after
+        start = [values.get(x.name, values.get(x.name.partition(":")[2])) for x in model.nuisance]
+        nuisance = np.array(start, dtype=np.float64)
+        rows, whiten, fits = np.arange(len(model.readings)), model.whitener(np.zeros(0)), []
+        for one in sets:
+            at = {ids[name]: Values(values) for name, values in one.start.items()}
+            effects = [e for e in model.effects if e.id in at]
+            fits.append(fit(model, rows, effects, nuisance, at, whiten))
+        return cls(model, nuisance, sets, fits)
+
+    def continued(self, values: Floats, both: JointModel) -> Floats:
+        """Values of what is always fitted, and where that of a further test starts."""
+        return np.concatenate([values, both.start[len(values) :]])
 
 
 @dataclass(frozen=True)
 class _Test:
-    """A further test: models of the measurement and of both together.
+    """A further test, and the model of it together with what was measured.
 
-    ``old``: which readings of both there are; ``ids``: what both call the effects of the
-    measurement.
+    ``old``: which readings of both there are; ``own``: effects that only the test shows.
     """
 
     label: str
     kind: str
     minutes: float
     plan: Touches | Ballbar | Positioning
-    model: Model
-    both: Model
+    both: JointModel
     old: Flags
-    nuisance: Floats
-    ids: Mapping[str, str]
-    whiten: Whiten
-    whiten_both: Whiten
     own: tuple[str, ...] = ()
 
 
-def _expected(test: _Test, sets: Sequence[Alternative], mounting: float) -> NextMeasurement | None:
+def _expected(test: _Test, known: _Known, mounting: float) -> NextMeasurement | None:
     """Return what a test is expected to settle; None: it cannot be said of two sets.
 
     An error whose size the measurement hardly tells may put the artefact where no touch meets it.
     """
-    weighed = _discrimination(test, sets)
+    weighed = _discrimination(test, known)
     if weighed is None:
         return None
-    known, discrimination = weighed
+    sets, discrimination = weighed
     new = np.flatnonzero(~test.old)
     apart = discrimination.distances(new)
     return NextMeasurement(
@@ -238,117 +259,79 @@ def _expected(test: _Test, sets: Sequence[Alternative], mounting: float) -> Next
         test.kind,
         test.minutes + mounting,
         discrimination.chance(new),
-        {causes: apart[i] for i, causes in enumerate(known) if i},
+        {causes: apart[i] for i, causes in enumerate(sets) if i},
         test.plan,
     )
 
 
 def _discrimination(
-    test: _Test, sets: Sequence[Alternative]
+    test: _Test, known: _Known
 ) -> tuple[list[frozenset[str]], Discrimination] | None:
     """Return the sets of which the readings of a test can be said, and how it tells them apart.
 
     None: the named one, which is the first, or all others are none of them.
     """
-    tried = [(one.causes, _hypothesis(test, one)) for one in sets]
-    known = [(causes, one) for causes, one in tried if one is not None]
-    if tried[0][1] is None or len(known) < 2:
+    both, whiten = test.both, test.both.whitener(np.zeros(0))
+    sets: list[frozenset[str]] = []
+    hypotheses: list[Hypothesis] = []
+    for one, f in zip(known.sets, known.fits, strict=True):
+        nuisance = known.continued(f.nuisance, both)
+        hypothesis = Hypothesis.at(both, nuisance, f.effects, one.distance, whiten)
+        if hypothesis is not None:
+            sets.append(one.causes)
+            hypotheses.append(hypothesis)
+        elif not sets:
+            return None
+    if len(sets) < 2:
         return None
-    start = np.concatenate([test.nuisance, test.both.start[len(test.nuisance) :]])
-    columns = [test.both.jacobian(start, {})]
+    start = known.continued(known.nuisance, both)
+    columns = [both.jacobian(start, {})]
     for name in test.own:
-        effect = test.both.effect(name)
+        effect = both.effect(name)
         unit = effect.values(1.0 for _ in effect.parameters)
-        columns.append(test.both.effect_jacobian(start, effect, unit))
-    nuisance = np.asarray(test.whiten_both(np.concatenate(columns, axis=1)))
-    hypotheses = [one for _, one in known]
-    return [causes for causes, _ in known], Discrimination(nuisance, test.old, hypotheses, 1.0)
-
-
-def _hypothesis(test: _Test, one: Alternative) -> Hypothesis | None:
-    """Fit a set to the measurement; return what it gives for old and new readings."""
-    at = {test.ids[name]: Values(values) for name, values in one.start.items()}
-    effects = [e for e in test.model.effects if e.id in at]
-    rows = np.arange(len(test.model.readings))
-    f = fit(test.model, rows, effects, test.nuisance, at, test.whiten)
-    nuisance = np.concatenate([f.nuisance, test.both.start[len(f.nuisance) :]])
-    return Hypothesis.at(test.both, nuisance, f.effects, one.distance, test.whiten_both)
+        columns.append(both.effect_jacobian(start, effect, unit))
+    white = np.asarray(whiten(np.concatenate(columns, axis=1)))
+    return sets, Discrimination(white, test.old, hypotheses, 1.0)
 
 
 # --- the tests
 
 
-def _more_touches(diagnosis: Diagnosis, sets: Sequence[Alternative]) -> Iterator[_Test]:
+def _more_touches(diagnosis: Diagnosis, known: _Known) -> Iterator[_Test]:
     """Further touches, with the artefact where the last measurement of touches had it."""
-    model, ids = _joint(diagnosis)
-    i = max((i for i, p in enumerate(model.parts) if p.kind == "touches"), default=None)
+    parts = known.model.parts
+    i = max((i for i, p in enumerate(parts) if p.kind == "touches"), default=None)
     if i is None:
         return
-
-    def follows(label: str, new: Touches) -> _Test:
-        return _follows(diagnosis, model, ids, i, label, new)
-
-    measured = cast(TouchDiagnosisModel, model.parts[i].model)
-    yield follows("the same touches in reversed order", _reversed(measured.data))
+    measured = cast(TouchDiagnosisModel, parts[i].model)
+    reverse = _reversed(measured.data)
+    yield _follows(known, i, "the same touches in reversed order", reverse)
     if isinstance(diagnosis.data, Touches):
         new = next_touches(diagnosis, FEW)
-        yield follows(f"{FEW} touches of next_touches, the artefact left as it is", new)
+        yield _follows(known, i, f"{FEW} touches of next_touches, the artefact left as it is", new)
         return
     reachable = pool_of(measured)
-    every = follows("all that are reachable", reachable)
-    weighed = _discrimination(every, sets)
+    every = _follows(known, i, "all that are reachable", reachable)
+    weighed = _discrimination(every, known)
     if weighed is not None:
         chosen = weighed[1].choose(FEW) - np.flatnonzero(~every.old)[0]
         new = in_good_order(reachable[chosen], measured.data, measured.setup)
-        yield follows(f"{FEW} touches chosen for it, the artefact left as it is", new)
+        yield _follows(known, i, f"{FEW} touches chosen for it, the artefact left as it is", new)
 
 
-def _follows(
-    diagnosis: Diagnosis,
-    model: JointModel,
-    ids: Mapping[str, str],
-    i: int,
-    label: str,
-    new: Touches,
-) -> _Test:
-    """Touches that follow those of part ``i`` of a joint model."""
-    part = model.parts[i]
-    before = cast(TouchDiagnosisModel, part.model)
-    follows = before.bind(without_frame(before.data).followed_by(without_frame(new)))
-    n, more = len(before.readings), len(follows.readings)
-    longer = Part(
-        part.name,
-        part.kind,
-        follows,
-        np.arange(more),
-        Scaled(identity, part.whiten.size),
-        candidates=part.candidates,
-    )
-    both = JointModel([*model.parts[:i], longer, *model.parts[i + 1 :]], before=model)
-    start = sum(len(p.model.readings) for p in model.parts[:i])
+def _follows(known: _Known, i: int, label: str, new: Touches) -> _Test:
+    """Touches that follow those of part ``i``: they are one measurement."""
+    parts = known.model.parts
+    part, before = parts[i], cast(TouchDiagnosisModel, parts[i].model)
+    model = before.bind(without_frame(before.data).followed_by(without_frame(new)))
+    n, more = len(before.readings), len(model.readings)
+    whiten = Scaled(identity, part.whiten.size)
+    longer = Part(part.name, part.kind, model, np.arange(more), whiten, candidates=part.candidates)
+    both = JointModel([*parts[:i], longer, *parts[i + 1 :]], before=known.model)
+    start = sum(len(p.model.readings) for p in parts[:i])
     old = np.ones(len(both.readings), dtype=bool)
     old[start + n : start + more] = False
-    none = np.zeros(0)
-    return _Test(
-        label,
-        "touches",
-        _minutes(new, before.setup),
-        new,
-        model,
-        both,
-        old,
-        _nuisance_of(diagnosis, model),
-        ids,
-        model.whitener(none),
-        both.whitener(none),
-    )
-
-
-def _nuisance_of(diagnosis: Diagnosis, model: JointModel) -> Floats:
-    """Values of what a joint model always fits, as a diagnosis found them."""
-    values = diagnosis.nuisance_after
-    found = [values.get(x.name, values.get(x.name.partition(":")[2])) for x in model.nuisance]
-    return np.array(found, dtype=np.float64)
+    return _Test(label, "touches", _minutes(new, before.setup), new, both, old)
 
 
 def _reversed(old: Touches) -> Touches:
@@ -368,33 +351,19 @@ def _minutes(touches: Touches, setup: Setup) -> float:
     return float(cycle_of(with_starts(touches, setup, feed), setup).times()[0][-1]) / 60.0
 
 
-def _other_kinds(diagnosis: Diagnosis, setup: Setup | None) -> Iterator[_Test]:
+def _other_kinds(diagnosis: Diagnosis, known: _Known, setup: Setup | None) -> Iterator[_Test]:
     """Tests of other instruments beside the measurement."""
-    model, ids = _joint(diagnosis)
-    nuisance = _nuisance_of(diagnosis, model)
-    none = np.zeros(0)
+    model = known.model
+    names = {e.id for e in model.effects}
     for label, kind, minutes, noise, new in _candidates(diagnosis, setup):
         name = kind if all(p.kind != kind for p in model.parts) else f"{kind} next"
         n = len(new.readings)
         part = Part(name, kind, new, np.arange(n), Scaled(identity, noise))
         # What several measurements may have in common or differ in is no freedom of the test.
         both = JointModel([*model.parts, part], before=model)
-        known = {e.id for e in model.effects}
-        own = [e for e in both.effects if e.linear and e.id not in known]
-        yield _Test(
-            label,
-            kind,
-            minutes,
-            new.data,
-            model,
-            both,
-            np.arange(len(both.readings)) < len(model.readings),
-            nuisance,
-            ids,
-            model.whitener(none),
-            both.whitener(none),
-            tuple(e.id for e in own),
-        )
+        own = tuple(e.id for e in both.effects if e.linear and e.id not in names)
+        old = np.arange(len(both.readings)) < len(model.readings)
+        yield _Test(label, kind, minutes, new.data, both, old, own)
 
 
 def _joint(diagnosis: Diagnosis) -> tuple[JointModel, Mapping[str, str]]:

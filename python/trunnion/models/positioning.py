@@ -55,7 +55,7 @@ ONE_AXIS = "positioning of one axis: write a compensation table of it"
 
 
 def not_shared(data: Any, others: Sequence[Any]) -> tuple[str, ...]:
-    """Say that a run shares neither scale nor reversal with other measurements, and why."""
+    """Say what a run does not share with other measurements, as its axis is not known there."""
     if not isinstance(data, Positioning):
         return ()
     axis = _axis(data)
