@@ -31,6 +31,14 @@ def test_numbers_are_those_of_numpy(rows: int) -> None:
     np.testing.assert_allclose(fit.std, np.sqrt(np.diag(fit.cofactor)))
 
 
+@pytest.mark.parametrize("rows", [7, 3000])
+def test_columns_of_zeros_have_a_basis_of_no_columns(rows: int) -> None:
+    fit = linear_fit(np.zeros((rows, 2)), np.ones(rows), basis=True)
+    assert fit.rank == 0
+    assert fit.basis.shape == (rows, 0)
+    assert fit.not_identifiable.all()
+
+
 @pytest.mark.parametrize("apart", [1e-2, 1e-5, 0.0])
 def test_many_rows_are_judged_as_few(apart: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """By inner products where their condition is small, by LAPACK elsewhere: as by the core."""

@@ -94,10 +94,12 @@ class Case:
         """Of each candidate, the parameter values of its variants."""
         return self.linearised.values
 
-    @property
+    @cached_property
     def effects(self) -> tuple[Effect, ...]:
-        """The candidates."""
-        return self.model.effects
+        """The candidates: what is expected where the model is not complete is one like others."""
+        if self.dependent:
+            return self.model.effects
+        return tuple(replace(e, expected=False) if e.expected else e for e in self.model.effects)
 
     @property
     def complete(self) -> bool:

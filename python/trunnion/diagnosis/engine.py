@@ -120,7 +120,7 @@ def _explained(case: Case) -> tuple[Case, Explanation, Integers]:
         about, other = _settled(plain_fit(model), about, _choose(about))
         settled = _to_first_order(about, other[1].fit)
         if choice is None or (settled and _score(case, about, other) < _score(case, case, choice)):
-            case, choice = about, other
+            case, choice = _of_noise(about, other)
     scores: dict[frozenset[str], float] = {}  # of the sets found
     for _ in range(MAX_ROUNDS if case.grid is not None else 0):
         # What was found was in the noise that the errors of rounding were weighed against.
@@ -232,7 +232,8 @@ def _ordinary(case: Case) -> tuple[Case, Choice | None, bool]:
     if (found.terms or not exact) and model.near() is not model:
         return case, None, False
     # What sums of chords are not may order sets otherwise, or be what is left.
-    if _is_linear(case, found.fit) or (about := model.near(always=True)) is model:
+    linear = not found.terms and _is_linear(case, found.fit)
+    if linear or (about := model.near(always=True)) is model:
         return case, choice, True
     again = case_of(about)
     other = _choose(again)
@@ -281,6 +282,20 @@ def _settled(given: Fit, case: Case, choice: Choice) -> tuple[Case, Choice]:
         choice = _choose(case)
     case.given = given
     return case, choice
+
+
+def _of_noise(case: Case, choice: Choice) -> tuple[Case, Choice]:
+    """Explain again where what is left about a settled fit is stationary noise after all.
+
+    About the set-up's own values it may be none only for what is not linear there.
+    """
+    again = case_of(case.model)
+    if again.dependent:
+        return case, choice
+    again.given = case.given
+    other = _choose(again)
+    sound = not other[1].terms and _to_first_order(again, other[1].fit)
+    return (again, other) if sound and not _worse(again, other) else (case, choice)
 
 
 def _worse(case: Case, choice: Choice) -> bool:

@@ -44,7 +44,7 @@ pub fn linear_fit<'py>(
         PyArray1::from_vec(py, fit.not_identifiable),
         matrix(py, fit.combinations, p)?,
         matrix(py, fit.directions, p)?,
-        matrix(py, fit.basis, fit.rank)?,
+        matrix_of(py, fit.basis, values.len(), if basis { fit.rank } else { 0 })?,
     ))
 }
 

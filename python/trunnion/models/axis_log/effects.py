@@ -40,6 +40,7 @@ OF_SCALE = 0.9  # of the variance that motion leaves, from which on positions lo
 MIN_SEEN = 1e-3  # of the variance of positions, that motion does not explain
 DELAY_STEP_MS = 0.01  # over which a delay of the log is differenced
 LOG_DELAY = "log_delay"
+LOWEST_HZ = 2.0
 BEYOND = 1.2  # times the highest frequency that is tried, to which the best one is refined
 
 
@@ -149,8 +150,7 @@ class Resonance(AxisEffect):
 
     def build(self, axis: AxisSignal, places: Places) -> Effect:
         """Return the effect on an axis of a log."""
-        nyquist = 0.5 / min(run.period_s for run in axis.runs)
-        top_hz = min(0.8 * nyquist, RESONANCES_HZ[-1])
+        top_hz = _top_hz(axis)
         frequency, damping = self._best_place(axis, top_hz, places)
         sought = sum(f <= top_hz for f in RESONANCES_HZ)
         frequencies = tuple(frequency * k for k in (0.97, 1.0, 1.03))
@@ -159,11 +159,18 @@ class Resonance(AxisEffect):
         )
         parameters = (
             Parameter("share", unit="1", bounds=(0.0, 1.5)),
-            Parameter("frequency_hz", unit="Hz", grid=frequencies, bounds=(2.0, BEYOND * top_hz)),
+            Parameter(
+                "frequency_hz", unit="Hz", grid=frequencies, bounds=(LOWEST_HZ, BEYOND * top_hz)
+            ),
             Parameter("damping", unit="1", grid=dampings, bounds=(MIN_DAMPING, MAX_DAMPING)),
         )
         columns = ResonanceColumns(axis)
         return gridded(self.id_of(axis), parameters, columns, self.label_of(axis), sought=sought)
+
+    @staticmethod
+    def of(axis: AxisSignal, values: Mapping[str, float]) -> Floats:
+        """Return the change of an axis's readings, (blocks,)."""
+        return values["share"] * _resonance(axis, values["frequency_hz"], values["damping"])
 
     def _best_place(self, axis: AxisSignal, top_hz: float, places: Places) -> tuple[float, float]:
         """Frequency and damping at which a structure that carries the whole load fits best.
@@ -183,7 +190,7 @@ class Resonance(AxisEffect):
                 frequency, damping = np.exp(place)
                 return y - left(_resonance(axis, float(frequency), float(damping)))
 
-            low, high = np.log([2.0, MIN_DAMPING]), np.log([BEYOND * top_hz, MAX_DAMPING])
+            low, high = np.log([LOWEST_HZ, MIN_DAMPING]), np.log([BEYOND * top_hz, MAX_DAMPING])
             fits = [
                 least_squares(
                     miss, np.log(grid[i]), bounds=(low, high), diff_step=[1e-4], max_nfev=25
@@ -193,6 +200,9 @@ class Resonance(AxisEffect):
             best = np.exp(min(fits, key=lambda f: f.cost).x)
             places.found.update(zip(keys, map(float, best), strict=True))
         return places.found[keys[0]], places.found[keys[1]]
+
+
+RESONANCE = Resonance()
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,6 +215,18 @@ class ResonanceColumns:
         """Return the column at a frequency and damping."""
         column = _resonance(self.axis, values["frequency_hz"], values["damping"])
         return self.axis.blocks.place(self.axis.rows, column[:, None])
+
+
+def _top_hz(axis: AxisSignal) -> float:
+    """Highest frequency at which a resonance is sought."""
+    return min(0.4 / min(run.period_s for run in axis.runs), RESONANCES_HZ[-1])
+
+
+def resonances_hz(axis: AxisSignal) -> tuple[float, ...]:
+    """Frequencies at which a structure that the loop does not see is sought beside the servo."""
+    if axis.feedback != "motor" or axis.nominal.resonance_hz:
+        return ()
+    return tuple(f for f in RESONANCES_HZ if f <= _top_hz(axis))
 
 
 def _resonance(axis: AxisSignal, frequency_hz: float, damping: float) -> Floats:
@@ -281,6 +303,7 @@ AXIS_EFFECTS: tuple[AxisEffect, ...] = (
         unit="%",
         percent=True,
         expected=True,
+        linear=True,
     ),
     ServoEffect(
         "time_constant",
@@ -290,6 +313,7 @@ AXIS_EFFECTS: tuple[AxisEffect, ...] = (
         start=0.02,
         start_share=0.02,
         expected=True,
+        linear=True,
     ),
     ServoEffect(
         "loop_delay",
@@ -298,6 +322,7 @@ AXIS_EFFECTS: tuple[AxisEffect, ...] = (
         ("delay_ms",),
         start=0.1,
         signed=False,
+        linear=True,
     ),
     ServoEffect(
         "backlash",
@@ -338,6 +363,7 @@ AXIS_EFFECTS: tuple[AxisEffect, ...] = (
         unit="%",
         positive=False,
         rare=True,
+        linear=True,
     ),
     ServoEffect(
         "acceleration_forward",
@@ -347,9 +373,10 @@ AXIS_EFFECTS: tuple[AxisEffect, ...] = (
         start=0.1,
         positive=False,
         rare=True,
+        linear=True,
     ),
     CyclicError(),
-    Resonance(),
+    RESONANCE,
     RecordedScale(),
 )
 

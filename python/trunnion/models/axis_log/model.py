@@ -23,6 +23,7 @@ from trunnion.models.axis_log.checks import check_axis, check_loops, check_servo
 from trunnion.models.axis_log.columns import Places, Signals, on_readings
 from trunnion.models.axis_log.effects import (
     LOG_DELAY,
+    RESONANCE,
     Located,
     catalogue,
     changed_servo,
@@ -145,7 +146,8 @@ class AxisLogModel(Model):
     def _made(self) -> tuple[list[Located], Mapping[str, float]]:
         """The catalogue, and the values at which its columns are taken."""
         amounts = {} if self._point is None else self._point.effects
-        places = Places(self._design, self._off.values, self._chords, amounts)
+        given = self._chords or self._near[0].places
+        places = Places(self._design, self._off.values, given, amounts)
         made = catalogue(self._signals, places)
         axes = range(len(self.axes))
         made += [Located(e, axes) for e in self._inputs.effects(self._signals)]
@@ -248,6 +250,8 @@ class AxisLogModel(Model):
 
     @cached_property
     def _near(self) -> tuple[Point, bool]:
+        if self._point is not None:
+            return self._point, False
         return near(self._signals.axes, self._inputs.columns.values())
 
     @cached_property
@@ -256,28 +260,63 @@ class AxisLogModel(Model):
 
     def about(self, nuisance: Floats, effects: EffectValues) -> "AxisLogModel":
         """Return the model about a fit of itself."""
-        return self._about(self._point_of(nuisance, effects))
+        point = self._point_of(nuisance, effects)
+        return self._about(replace(point, starts=self._better_starts(point, effects)))
 
     def _point_of(self, nuisance: Floats, effects: EffectValues) -> Point:
         starts = np.asarray(nuisance).reshape(len(self.axes), len(self.runs), 2)
         known = {name for axis in self._signals.axes for name in servo_effects(axis)} | {LOG_DELAY}
         amounts = {n: float(next(iter(v.values()))) for n, v in effects.items() if n in known}
-        return Point(amounts, dict(zip(self.axes, starts, strict=True)))
+        places = self._near[0].places
+        return Point(amounts, dict(zip(self.axes, starts, strict=True)), places)
 
     def exact_residuals(self, nuisance: Floats, effects: EffectValues) -> Floats:
-        """Return what a fit leaves when its servo effects are simulated together.
+        """Return what a fit leaves when its servo effects and resonances are simulated together.
 
         They are from the states of the runs' starts that the model is about; how far a fit is from
         these is added as fitted. It is mostly noise, which a loop with friction or play answers
         otherwise than one without: that speaks against no set of causes.
         """
-        amounts = self._point_of(nuisance, effects).effects
-        point = Point(amounts, {} if self._point is None else self._point.starts)
+        point = replace(
+            self._point_of(nuisance, effects),
+            starts={} if self._point is None else self._point.starts,
+        )
         out = self.readings.values - self.predict(nuisance, effects)
-        others = {n: v for n, v in effects.items() if n not in amounts}
-        added = self.predict(nuisance - self._starts, others)
+        added = self.predict(nuisance - self._starts, self._not_simulated(effects))
         for axis in self._signals.axes:
-            out[axis.rows] = self._at(axis, point).deviation() - added[axis.rows]
+            out[axis.rows] = self._left(axis, point, effects) - added[axis.rows]
+        return out
+
+    def _not_simulated(self, effects: EffectValues) -> EffectValues:
+        """Effects that are added to what `_left` simulates."""
+        at = self._point_of(self._starts, effects).effects
+        simulated = {*at, *(RESONANCE.id_of(axis) for axis in self._signals.axes)}
+        return {name: values for name, values in effects.items() if name not in simulated}
+
+    def _left(self, axis: AxisSignal, point: Point, effects: EffectValues) -> Floats:
+        """What an axis's servo at a point leaves of its readings, with its resonance behind it."""
+        at = self._at(axis, point)
+        left = at.deviation()
+        if values := effects.get(RESONANCE.id_of(axis)):
+            left = left - RESONANCE.of(at, values)
+        return left
+
+    def _better_starts(self, point: Point, effects: EffectValues) -> dict[str, Floats]:
+        """Starts of the runs at a point, or those of this model where less is left with them.
+
+        Where friction holds an axis at first, a fit knows next to nothing of its speed there.
+        """
+        added = self.predict(np.zeros(len(self.nuisance)), self._not_simulated(effects))
+        run_of = self._blocks.run_of[: len(self._blocks)]
+        out = {}
+        for axis in self._signals.axes:
+            each = np.stack([point.starts[axis.letter], axis.begins])
+            left = [
+                self._left(axis, replace(point, starts={axis.letter: s}), effects) for s in each
+            ]
+            squares = (np.stack(left) - added[axis.rows]) ** 2
+            of_run = [squares[:, run_of == i].sum(axis=1) for i in range(len(self.runs))]
+            out[axis.letter] = each[np.argmin(of_run, axis=1), np.arange(len(self.runs))]
         return out
 
     def _about(self, point: Point) -> "AxisLogModel":

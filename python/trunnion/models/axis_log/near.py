@@ -6,12 +6,17 @@ simulation, jointly and with the state at the start of each run, by least square
 explains most is taken in, then all are fitted anew, while one explains `MIN_SHARE` of what is left.
 The catalogue is then built about this point. Which effects are causes is not decided here.
 
+A structure that resonates is taken in like them: a gain, a delay and a time constant imitate it,
+and beside friction no sum of chords leads back from there. It is not in the point, though: an axis
+is recorded behind its structure, whose effect is built about the point (:mod:`.effects`).
+
 A delay of the log is one of all axes. Each axis alone mistakes a part of it for its servo's, so it
 is sought with the strong effects of each first. The one that fits all axes best is kept if they are
 explained better with it than without any.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -19,11 +24,17 @@ import numpy as np
 
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats
-from trunnion.contouring.servo import Axis
+from trunnion.contouring.servo import Axis, varied
 from trunnion.models.axis_log.effects import (
+    BEYOND,
+    DAMPINGS,
     DELAY_STEP_MS,
     LOG_DELAY,
+    LOWEST_HZ,
+    MAX_DAMPING,
+    MIN_DAMPING,
     is_scaled,
+    resonances_hz,
     servo_effects,
 )
 from trunnion.models.axis_log.servo_effects import ServoEffect
@@ -46,11 +57,13 @@ class Point:
     """Where a log's model is linearised.
 
     effects: Id → amount, of servo effects that are in, and of a delay of the log.
+    places: Name → value, of places of other effects that fit beside these (of a resonance).
     starts: Letter → position (µm, arcsec) and speed (µm/ms) at the start of each run, (runs, 2).
     """
 
     effects: Mapping[str, float] = field(default_factory=dict)
     starts: Mapping[str, Floats] = field(default_factory=dict)
+    places: Mapping[str, float] = field(default_factory=dict)
 
 
 def near(axes: Iterable[AxisSignal], inputs: Iterable[Floats]) -> tuple[Point, bool]:
@@ -59,15 +72,27 @@ def near(axes: Iterable[AxisSignal], inputs: Iterable[Floats]) -> tuple[Point, b
     ``inputs``: further columns of the log, (rows,) each, that may act on each axis.
     """
     axes, inputs = list(axes), list(inputs)
-    found = [_Search(axis, inputs) for axis in axes]
+    found = [_searched(axis, inputs) for axis in axes]
     if delays := [one.log_delay() for one in found if LOG_DELAY in one.taken]:
-        without = [_Search(axis, inputs, 0.0) for axis in axes]
+        without = [_searched(axis, inputs, 0.0) for axis in axes]
         found = min(without, _delayed(axes, inputs, float(np.median(delays))), key=_cost)
     effects: dict[str, float] = {}
+    places: dict[str, float] = {}
     for one in found:
-        effects |= zip(one.taken, one.at[: len(one.taken)].tolist(), strict=True)
+        effects |= one.amounts()
+        places |= one.structures()
     starts = {one.axis.letter: one.starts() for one in found}
-    return Point(effects, starts), any(one.nonlinear() for one in found)
+    return Point(effects, starts, places), any(one.nonlinear() for one in found)
+
+
+def _searched(
+    axis: AxisSignal, inputs: Sequence[Floats], log_delay_ms: float | None = None
+) -> "_Search":
+    """Return what is found on an axis: with a structure that resonates where it fits better so."""
+    stiff = _Search(axis, inputs, log_delay_ms)
+    frequencies = resonances_hz(axis)
+    with_structure = [stiff.with_structure(frequencies, e) for e in (False, True) if frequencies]
+    return min([stiff, *with_structure], key=lambda one: _cost([one]))
 
 
 def _delayed(
@@ -75,7 +100,7 @@ def _delayed(
 ) -> list["_Search"]:
     """Searches with the delay of the log that fits all axes best; ``log_delay_ms``: near it."""
     for _ in range(MAX_ROUNDS):
-        found = [_Search(axis, inputs, log_delay_ms) for axis in axes]
+        found = [_searched(axis, inputs, log_delay_ms) for axis in axes]
         before = log_delay_ms
         for _ in range(MAX_STEPS):
             along, sizes = np.sum([one.pull() for one in found], axis=0)
@@ -103,10 +128,15 @@ class _LogDelay:
 
     signed: ClassVar[bool] = True
     expected: ClassVar[bool] = False
+    linear: ClassVar[bool] = True
 
     def lowest(self, axis: AxisSignal) -> float:  # noqa: ARG002
         """Return the smallest amount."""
         return -np.inf
+
+    def highest(self, axis: AxisSignal) -> float:  # noqa: ARG002
+        """Return the largest amount."""
+        return np.inf
 
     def least(self, axis: AxisSignal) -> float:  # noqa: ARG002
         """Return the amount from which its size is sought, ms."""
@@ -115,6 +145,40 @@ class _LogDelay:
     def added(self, servo: Axis, axis: AxisSignal, amount: float) -> Axis:  # noqa: ARG002
         """Return the servo of an axis, which knows of no delay of the log."""
         return servo
+
+
+@dataclass(frozen=True)
+class _OfStructure:
+    """Frequency or damping of a structure that carries the whole load, as an entry beside those.
+
+    parameter: Of the servo, 0 where it has no structure.
+    low, high: Smallest and largest value.
+    size: From which it is sought: a tenth of it is a small change.
+    """
+
+    parameter: str
+    low: float
+    high: float
+    size: float
+    signed: ClassVar[bool] = True
+    expected: ClassVar[bool] = False
+    linear: ClassVar[bool] = True
+
+    def lowest(self, axis: AxisSignal) -> float:  # noqa: ARG002
+        """Return the smallest amount."""
+        return self.low
+
+    def highest(self, axis: AxisSignal) -> float:  # noqa: ARG002
+        """Return the largest amount."""
+        return self.high
+
+    def least(self, axis: AxisSignal) -> float:  # noqa: ARG002
+        """Return the amount whose tenth is a small change."""
+        return self.size
+
+    def added(self, servo: Axis, axis: AxisSignal, amount: float) -> Axis:  # noqa: ARG002
+        """Return the servo of an axis with the amount in place of its own."""
+        return varied(servo, {self.parameter: amount})
 
 
 class _Search:
@@ -134,7 +198,8 @@ class _Search:
         size = (len(axis.blocks), len(columns))
         self.acted = np.linalg.qr(np.reshape(columns, size[::-1]).T)[0]
         self.held = frozenset({LOG_DELAY} if log_delay_ms else ())
-        self.entries: dict[str, ServoEffect | _LogDelay] = {**servo_effects(axis)}
+        self.entries: dict[str, ServoEffect | _LogDelay | _OfStructure] = {**servo_effects(axis)}
+        self.structure: frozenset[str] = frozenset()
         if log_delay_ms != 0.0:
             self.entries[LOG_DELAY] = _LogDelay()
         self.taken = list(self.held)
@@ -145,6 +210,49 @@ class _Search:
         self.at = np.concatenate([[log_delay_ms] * len(self.held), axis.begins.ravel()])
         self.left = self.y - self.predicted([self.at])[0]
         self.take_in()
+
+    def with_structure(self, frequencies: Sequence[float], expected: bool) -> "_Search":
+        """Return the search with a structure that resonates, at one of some frequencies at first.
+
+        What imitates it is taken out before it is sought. ``expected``: whether what is expected to
+        be off is beside it.
+        """
+        new = copy(self)
+        new.dropped = set(self.dropped)
+        name, top = f"resonance_{self.axis.letter.lower()}", BEYOND * frequencies[-1]
+        of_structure = {
+            f"{name}_hz": _OfStructure("resonance_hz", LOWEST_HZ, top, 0.2),
+            f"{name}_damping": _OfStructure("damping", MIN_DAMPING, MAX_DAMPING, 0.01),
+        }
+        new.entries, new.structure = self.entries | of_structure, frozenset(of_structure)
+        amounts = dict(zip(self.taken, self.at.tolist(), strict=False))
+        for one in self.taken:
+            entry = self.entries[one]
+            if entry.expected and expected:
+                amounts[one] = 0.0
+            elif entry.linear and one not in self.held:
+                amounts.pop(one)
+        starts = self.axis.begins.ravel()
+        new.taken, new.at = list(amounts), np.concatenate([list(amounts.values()), starts])
+        new.left = new.y - new.predicted([new.at])[0]
+        places = [(f, d) for f in frequencies for d in DAMPINGS]
+        gains = new.gains_of_structures(places, np.linalg.qr(new.slopes())[0])
+        new.at = np.insert(new.at, len(new.taken), places[int(np.argmax(gains))])
+        new.taken += of_structure
+        new.left = new.y - new.predicted([new.at])[0]
+        new.fit()
+        new.take_in_more(new.fit())
+        return new
+
+    def amounts(self) -> dict[str, float]:
+        """Return what is taken in but a structure, id → amount."""
+        every = zip(self.taken, self.at[: len(self.taken)].tolist(), strict=True)
+        return {name: amount for name, amount in every if name not in self.structure}
+
+    def structures(self) -> dict[str, float]:
+        """Return frequency and damping of a structure if one is in: name → value."""
+        every = zip(self.taken, self.at[: len(self.taken)].tolist(), strict=True)
+        return {name: amount for name, amount in every if name in self.structure}
 
     def starts(self) -> Floats:
         """State at the start of each run, (runs, 2)."""
@@ -213,10 +321,12 @@ class _Search:
 
     def moved(self, step: Floats) -> bool:
         """Go a step, or a part of it that leads down."""
-        low = [self.entries[n].lowest(self.axis) for n in self.taken]
+        limits = [self.entries[n] for n in self.taken]
+        low = [entry.lowest(self.axis) for entry in limits]
+        high = [entry.highest(self.axis) for entry in limits]
         for _ in range(MAX_HALVINGS):
             new = self.at + step
-            new[: len(low)] = np.maximum(new[: len(low)], low)
+            new[: len(low)] = np.clip(new[: len(low)], low, high)
             try:
                 left = self.y - self.predicted([new])[0]
             except InputError:  # no servo has such parameters
@@ -232,7 +342,10 @@ class _Search:
         expected = [name for name, entry in self.entries.items() if entry.expected]
         self.at = np.insert(self.at, len(self.taken), np.zeros(len(expected)))
         self.taken += expected
-        basis = self.fit()
+        self.take_in_more(self.fit())
+
+    def take_in_more(self, basis: Floats) -> None:
+        """Take in what explains most of what is left; ``basis``: that of what is in."""
         while len(self.taken) < MAX_TAKEN and (name := self.best(basis)):
             self.at = np.insert(self.at, len(self.taken), 0.0)
             self.taken.append(name)
@@ -259,7 +372,8 @@ class _Search:
         k = len(self.taken)
         values = (self.at * size)[:k]
         lost = values**2 / np.maximum(np.einsum("ij,ij->i", inverse, inverse)[:k], 1e-300)
-        lost[[self.entries[n].expected or n in self.held for n in self.taken]] = np.inf
+        kept = self.held | self.structure
+        lost[[self.entries[n].expected or n in kept for n in self.taken]] = np.inf
         i = int(np.argmin(lost))
         return self.taken[i] if lost[i] < MIN_SHARE * float(left @ left) else ""
 
@@ -271,8 +385,7 @@ class _Search:
         here, delay = self.servo(self.taken, self.at[: len(self.taken)]), self.log_delay()
         servos = [self.entries[n].added(here, self.axis, self.step(n)) for n in others]
         delays = [delay + (self.step(n) if n == LOG_DELAY else 0.0) for n in others]
-        starts = np.broadcast_to(self.starts(), (len(others), self.runs, 2))
-        rise = (self.rest(self.axis.readings_of(servos, starts, delays)) - (self.y - self.left)).T
+        rise = self.rise(servos, delays)
         size = np.einsum("ij,ij->j", rise, rise)
         rise = rise - basis @ (basis.T @ rise)
         own = np.einsum("ij,ij->j", rise, rise)
@@ -282,6 +395,20 @@ class _Search:
         gain = np.where(seen, along**2 / np.where(seen, own, 1.0), 0.0)
         enough = gain.max(initial=0.0) > MIN_SHARE * float(self.left @ self.left)
         return others[int(np.argmax(gain))] if enough else ""
+
+    def gains_of_structures(self, places: Sequence[tuple[float, float]], basis: Floats) -> Floats:
+        """How much of what is left a structure explains that carries the whole load, by place."""
+        here = self.servo(self.taken, self.at[: len(self.taken)])
+        servos = [varied(here, {"resonance_hz": f, "damping": d}) for f, d in places]
+        rise = self.rise(servos, [self.log_delay()] * len(servos))
+        rise = rise - basis @ (basis.T @ rise)
+        return np.asarray(2 * (self.left @ rise) - np.einsum("ij,ij->j", rise, rise))
+
+    def rise(self, servos: Sequence[Axis], delays_ms: Sequence[float]) -> Floats:
+        """Change of the readings from the present point to other servos, (blocks, servos)."""
+        starts = np.broadcast_to(self.starts(), (len(servos), self.runs, 2))
+        readings = self.rest(self.axis.readings_of(servos, starts, delays_ms))
+        return np.asarray((readings - (self.y - self.left)).T)
 
     def pull(self) -> Floats:
         """Inner products of the log's delay, beside all that is fitted: with what is left, its own.
@@ -305,9 +432,13 @@ class _Search:
     def nonlinear(self) -> bool:
         """Whether chords, one an effect, are off by more than what is left."""
         k = len(self.taken)
-        alone = np.zeros((k + 1, len(self.at)))
+        parts = [[name] for name in self.taken if name not in self.structure]
+        parts += [list(self.structure)] if self.structure <= set(self.taken) else []
+        alone = np.zeros((len(parts) + 1, len(self.at)))
         alone[:, k:] = self.at[k:]
-        alone[np.arange(k), np.arange(k)] = self.at[:k]
-        each = self.predicted(list(alone))
-        off = (self.y - self.left) - each[k] - (each[:k] - each[k]).sum(axis=0)
+        for one, part in zip(alone, parts, strict=False):
+            within = np.isin(self.taken, part)
+            one[:k][within] = self.at[:k][within]
+        *each, none = self.predicted(list(alone))
+        off = (self.y - self.left) - none - sum(one - none for one in each)
         return bool(off @ off > NONLINEAR**2 * (self.left @ self.left))

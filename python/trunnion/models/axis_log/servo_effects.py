@@ -69,6 +69,7 @@ class ServoEffect(AxisEffect):
     positive: The servo's own parameter cannot be negative.
     expected: Where the set-up is far from the log, it costs nothing to name.
     rare: A set-up seldom has it wrong.
+    linear: With it the loop stays a linear one.
     """
 
     parameter: str
@@ -81,6 +82,7 @@ class ServoEffect(AxisEffect):
     positive: bool = True
     expected: bool = False
     rare: bool = False
+    linear: bool = False
 
     def build(self, axis: AxisSignal, places: Places) -> Effect:
         """Return the effect on an axis of a log, its column the chord."""

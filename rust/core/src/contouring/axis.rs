@@ -416,7 +416,8 @@ impl Drive {
                 return;
             }
             let stop = tau * ((self.v - target) / -target).ln();
-            let until = Hold::new(tau, stop.clamp(0.0, hold.dt));
+            // max and min, as clamp refuses the time that is left to a drive that has diverged.
+            let until = Hold::new(tau, stop.max(0.0).min(hold.dt));
             self.y += until.g * self.v + until.h * target;
             self.v = 0.0;
             hold = Hold::new(tau, hold.dt - until.dt);
@@ -527,5 +528,15 @@ mod tests {
         let drive = |more: f64| loads(&[5.0, 5.003, 5.007, 5.012], 0.0, gone, more);
         assert!((drive(0.0)[0] - 4.996_875).abs() < 1e-9);
         assert!((drive(6.0)[1] - 4.996_875).abs() < 1e-9 && drive(8.0)[1] > 4.996_876);
+    }
+
+    #[test]
+    fn a_drive_that_diverges_ends_in_no_panic() {
+        let mut axis = Axis::linear(2355.0, 7e-13);
+        axis.friction.drag = 0.99;
+        let commands: Vec<f64> = (0..3000).map(|i| 0.095 * f64::from(i)).collect();
+        let start = [-19.2, -3.6e9];
+        let found = responses(&[axis], &[start], 'X', 1e-3, Feedback::Motor, &commands, 1).unwrap();
+        assert_eq!(found.len(), commands.len());
     }
 }
