@@ -33,6 +33,7 @@ from trunnion.models.axis_log.effects import (
     LOWEST_HZ,
     MAX_DAMPING,
     MIN_DAMPING,
+    RESONANCES_HZ,
     is_scaled,
     resonances_hz,
     servo_effects,
@@ -91,8 +92,11 @@ def _searched(
     """Return what is found on an axis: with a structure that resonates where it fits better so."""
     stiff = _Search(axis, inputs, log_delay_ms)
     frequencies = resonances_hz(axis)
-    with_structure = [stiff.with_structure(frequencies, e) for e in (False, True) if frequencies]
-    return min([stiff, *with_structure], key=lambda one: _cost([one]))
+    if not frequencies or all(stiff.entries[n].expected or n in stiff.held for n in stiff.taken):
+        return stiff
+    bare = [stiff.nonlinear_part(expected=expected) for expected in (True, False)]
+    place = bare[0].best_structure(frequencies)
+    return min([stiff, *(one.with_structure(place) for one in bare)], key=lambda one: _cost([one]))
 
 
 def _delayed(
@@ -211,20 +215,13 @@ class _Search:
         self.left = self.y - self.predicted([self.at])[0]
         self.take_in()
 
-    def with_structure(self, frequencies: Sequence[float], expected: bool) -> "_Search":
-        """Return the search with a structure that resonates, at one of some frequencies at first.
+    def nonlinear_part(self, *, expected: bool) -> "_Search":
+        """Return the search with what leaves the loop no linear one: nothing imitates a structure.
 
-        What imitates it is taken out before it is sought. ``expected``: whether what is expected to
-        be off is beside it.
+        ``expected``: whether what is expected to be off is in, too, with nothing to begin with.
         """
         new = copy(self)
         new.dropped = set(self.dropped)
-        name, top = f"resonance_{self.axis.letter.lower()}", BEYOND * frequencies[-1]
-        of_structure = {
-            f"{name}_hz": _OfStructure("resonance_hz", LOWEST_HZ, top, 0.2),
-            f"{name}_damping": _OfStructure("damping", MIN_DAMPING, MAX_DAMPING, 0.01),
-        }
-        new.entries, new.structure = self.entries | of_structure, frozenset(of_structure)
         amounts = dict(zip(self.taken, self.at.tolist(), strict=False))
         for one in self.taken:
             entry = self.entries[one]
@@ -235,10 +232,34 @@ class _Search:
         starts = self.axis.begins.ravel()
         new.taken, new.at = list(amounts), np.concatenate([list(amounts.values()), starts])
         new.left = new.y - new.predicted([new.at])[0]
+        return new
+
+    def best_structure(self, frequencies: Sequence[float]) -> tuple[float, float]:
+        """Frequency and damping of the structure for the whole load that explains most."""
         places = [(f, d) for f in frequencies for d in DAMPINGS]
-        gains = new.gains_of_structures(places, np.linalg.qr(new.slopes())[0])
-        new.at = np.insert(new.at, len(new.taken), places[int(np.argmax(gains))])
-        new.taken += of_structure
+        here = self.servo(self.taken, self.at[: len(self.taken)])
+        servos = [varied(here, {"resonance_hz": f, "damping": d}) for f, d in places]
+        rise = self.rise(servos, [self.log_delay()] * len(servos))
+        basis = np.linalg.qr(self.slopes())[0]
+        rise = rise - basis @ (basis.T @ rise)
+        gains = 2 * (self.left @ rise) - np.einsum("ij,ij->j", rise, rise)
+        return places[int(np.argmax(gains))]
+
+    def with_structure(self, place: tuple[float, float]) -> "_Search":
+        """Return the search with a structure taken in, and what explains most beside it.
+
+        ``place``: its frequency and damping to begin with.
+        """
+        new = copy(self)
+        new.dropped = set(self.dropped)
+        name, top = f"resonance_{self.axis.letter.lower()}", BEYOND * RESONANCES_HZ[-1]
+        of_structure = {
+            f"{name}_hz": _OfStructure("resonance_hz", LOWEST_HZ, top, 0.2),
+            f"{name}_damping": _OfStructure("damping", MIN_DAMPING, MAX_DAMPING, 0.01),
+        }
+        new.entries, new.structure = self.entries | of_structure, frozenset(of_structure)
+        new.at = np.insert(self.at, len(self.taken), place)
+        new.taken = [*self.taken, *of_structure]
         new.left = new.y - new.predicted([new.at])[0]
         new.fit()
         new.take_in_more(new.fit())
@@ -331,7 +352,9 @@ class _Search:
                 left = self.y - self.predicted([new])[0]
             except InputError:  # no servo has such parameters
                 left = np.full(len(self.y), np.inf)
-            if np.all(np.isfinite(left)) and left @ left < self.left @ self.left:
+            with np.errstate(over="ignore"):  # of a servo that runs away
+                lower = np.all(np.isfinite(left)) and left @ left < self.left @ self.left
+            if lower:
                 self.at, self.left = new, left
                 return True
             step = step / 2
@@ -395,14 +418,6 @@ class _Search:
         gain = np.where(seen, along**2 / np.where(seen, own, 1.0), 0.0)
         enough = gain.max(initial=0.0) > MIN_SHARE * float(self.left @ self.left)
         return others[int(np.argmax(gain))] if enough else ""
-
-    def gains_of_structures(self, places: Sequence[tuple[float, float]], basis: Floats) -> Floats:
-        """How much of what is left a structure explains that carries the whole load, by place."""
-        here = self.servo(self.taken, self.at[: len(self.taken)])
-        servos = [varied(here, {"resonance_hz": f, "damping": d}) for f, d in places]
-        rise = self.rise(servos, [self.log_delay()] * len(servos))
-        rise = rise - basis @ (basis.T @ rise)
-        return np.asarray(2 * (self.left @ rise) - np.einsum("ij,ij->j", rise, rise))
 
     def rise(self, servos: Sequence[Axis], delays_ms: Sequence[float]) -> Floats:
         """Change of the readings from the present point to other servos, (blocks, servos)."""
