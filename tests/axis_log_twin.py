@@ -207,11 +207,28 @@ def draw(
     return cases, [put(cases, i, kinds[i % len(kinds)], rng) for i in range(m)]
 
 
+def draw_together(
+    m: int, rng: np.random.Generator, kinds: Sequence[str]
+) -> tuple[Cases, list[list[str | None]]]:
+    """Draw m cases with effects of several kinds on one axis each."""
+    cases = Cases(m)
+    axes = rng.integers(5, size=m).tolist()
+    return cases, [[put(cases, i, kind, rng, axis=j) for kind in kinds] for i, j in enumerate(axes)]
+
+
 def put(
-    cases: Cases, i: int, kind: str, rng: np.random.Generator, share: float = 1.0
+    cases: Cases,
+    i: int,
+    kind: str,
+    rng: np.random.Generator,
+    share: float = 1.0,
+    axis: int | None = None,
 ) -> str | None:
-    """Put an effect on an axis drawn into case i; return its id. ``share``: of its usual size."""
-    j = int(rng.integers(5))
+    """Put an effect on an axis, or on one drawn, into case i; return its id.
+
+    ``share``: of its usual size.
+    """
+    j = int(rng.integers(5)) if axis is None else axis
     sign = rng.choice([-1, 1])
     small = SMALL[j] * (2 if j >= 3 else 1)
     match kind:

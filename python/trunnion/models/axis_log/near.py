@@ -90,13 +90,16 @@ def _searched(
     axis: AxisSignal, inputs: Sequence[Floats], log_delay_ms: float | None = None
 ) -> "_Search":
     """Return what is found on an axis: with a structure that resonates where it fits better so."""
-    stiff = _Search(axis, inputs, log_delay_ms)
+    stiff = _Search(axis, inputs, log_delay_ms).exchanged()
     frequencies = resonances_hz(axis)
     if not frequencies or all(stiff.entries[n].expected or n in stiff.held for n in stiff.taken):
         return stiff
     bare = [stiff.nonlinear_part(expected=expected) for expected in (True, False)]
     place = bare[0].best_structure(frequencies)
-    return min([stiff, *(one.with_structure(place) for one in bare)], key=lambda one: _cost([one]))
+    return min(
+        [stiff, *(one.with_structure(place).exchanged() for one in bare)],
+        key=lambda one: _cost([one]),
+    )
 
 
 def _delayed(
@@ -264,6 +267,28 @@ class _Search:
         new.fit()
         new.take_in_more(new.fit())
         return new
+
+    def exchanged(self) -> "_Search":
+        """Return the best of this search and those with another effect in place of one.
+
+        Of effects with which the loop is no linear one: the first that is taken in, beside what
+        else is off, may be a friction where it is a play.
+        """
+        best = self
+        taken, others = (
+            [n for n, e in self.entries.items() if not e.linear and (n in self.taken) == taken]
+            for taken in (True, False)
+        )
+        for old in taken:
+            for other in others:
+                new = copy(self)
+                new.dropped, new.taken, new.at = {old}, list(self.taken), self.at.copy()
+                i = new.taken.index(old)
+                new.taken[i], new.at[i] = other, new.entries[other].least(self.axis)
+                new.left = new.y - new.predicted([new.at])[0]
+                new.fit()
+                best = min(best, new, key=lambda one: _cost([one]))
+        return best
 
     def amounts(self) -> dict[str, float]:
         """Return what is taken in but a structure, id → amount."""
