@@ -80,8 +80,13 @@ class Cases:
         self.log_delay = np.zeros(self.m)
 
 
-def actual(command: Array, cases: Cases, substeps: int = SUBSTEPS) -> Array:
-    """Actual positions of every case, (m, n, 5), without noise."""
+def actual(
+    command: Array, cases: Cases, substeps: int = SUBSTEPS, feedback: str = "motor"
+) -> Array:
+    """Actual positions of every case, (m, n, 5), without noise.
+
+    ``feedback``: the loop is closed on the "motor" or on the "load", which is what is recorded.
+    """
     n, m = len(command), cases.m
     dt = PERIOD / substeps
     y, v = np.tile(command[0], (m, 1)), np.zeros((m, 5))
@@ -98,7 +103,7 @@ def actual(command: Array, cases: Cases, substeps: int = SUBSTEPS) -> Array:
         at[swings] = load.q
         play = np.clip(play, at - cases.backlash / 2, at + cases.backlash / 2)
         out[k] = play + cases.cyclic * np.sin(2 * np.pi * y / cases.pitch + cases.phase)
-        now = cases.gain * (command[k] - y)
+        now = cases.gain * (command[k] - (out[k] if feedback == "load" else y))
         for _ in range(substeps):
             w = now.copy()
             w[lags] = late(now[lags])

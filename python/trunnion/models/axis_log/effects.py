@@ -41,6 +41,7 @@ MIN_SEEN = 1e-3  # of the variance of positions, that motion does not explain
 DELAY_STEP_MS = 0.01  # over which a delay of the log is differenced
 LOG_DELAY = "log_delay"
 LOWEST_HZ = 2.0
+MAX_CHANGE = 1e9  # µm or arcsec: beyond, a loop runs away
 BEYOND = 1.2  # times the highest frequency that is tried, to which the best one is refined
 
 
@@ -140,9 +141,11 @@ def _waves(axis: AxisSignal, pitch: float) -> Floats:
 
 @dataclass(frozen=True)
 class Resonance(AxisEffect):
-    """A share of the load hangs on a structure that resonates, which the loop does not see.
+    """A share of the load hangs on a structure that resonates.
 
-    The servo model stays as it is: there the structure carries all of the load or nothing.
+    The servo model stays as it is: there the structure carries all of the load or nothing. With
+    feedback from the load the loop is closed behind it; then the share is that of the change that
+    the whole makes.
     """
 
     id: str = "resonance"
@@ -223,8 +226,8 @@ def _top_hz(axis: AxisSignal) -> float:
 
 
 def resonances_hz(axis: AxisSignal) -> tuple[float, ...]:
-    """Frequencies at which a structure that the loop does not see is sought beside the servo."""
-    if axis.feedback != "motor" or axis.nominal.resonance_hz:
+    """Frequencies at which a structure is sought beside the servo; none if the set-up has one."""
+    if axis.nominal.resonance_hz:
         return ()
     return tuple(f for f in RESONANCES_HZ if f <= _top_hz(axis))
 
@@ -237,8 +240,10 @@ def _resonance(axis: AxisSignal, frequency_hz: float, damping: float) -> Floats:
 def _resonances(axis: AxisSignal, places: Sequence[tuple[float, float]]) -> Iterator[Floats]:
     """The same at many frequencies (Hz) and dampings: in parts, (blocks, m)."""
     servos = [varied(axis.servo, {"resonance_hz": f, "damping": d}) for f, d in places]
-    for responses in axis.responses(servos, "motor"):
-        yield axis.blocks.mean(axis.units.scale * (responses - axis.predicted), axis=1).T
+    for responses in axis.responses(servos):
+        change = axis.blocks.mean(axis.units.scale * (responses - axis.predicted), axis=1).T
+        # Of a loop that a structure makes unstable, nothing is taken.
+        yield np.where(np.max(np.abs(change), axis=0) <= MAX_CHANGE, change, 0.0)
 
 
 @dataclass(frozen=True)

@@ -31,6 +31,7 @@ from trunnion.models.axis_log.effects import (
     DELAY_STEP_MS,
     LOG_DELAY,
     LOWEST_HZ,
+    MAX_CHANGE,
     MAX_DAMPING,
     MIN_DAMPING,
     RESONANCES_HZ,
@@ -244,6 +245,7 @@ class _Search:
         servos = [varied(here, {"resonance_hz": f, "damping": d}) for f, d in places]
         rise = self.rise(servos, [self.log_delay()] * len(servos))
         basis = np.linalg.qr(self.slopes())[0]
+        rise = np.where(np.max(np.abs(rise), axis=0) <= MAX_CHANGE, rise, 0.0)
         rise = rise - basis @ (basis.T @ rise)
         gains = 2 * (self.left @ rise) - np.einsum("ij,ij->j", rise, rise)
         return places[int(np.argmax(gains))]
