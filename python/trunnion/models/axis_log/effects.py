@@ -135,8 +135,14 @@ class CyclicColumns:
 
 
 def _waves(axis: AxisSignal, pitch: float) -> Floats:
-    """Means of cosine and sine over the modelled position, (blocks, 2)."""
-    return axis.blocks.mean(cosine_sine(2 * np.pi * axis.predicted / pitch), axis=1).T
+    """Means of cosine and sine over the modelled position, (blocks, 2).
+
+    With feedback from the load less what the loop makes good of them.
+    """
+    waves = cosine_sine(2 * np.pi * axis.predicted / pitch)
+    if axis.feedback == "load":
+        waves = waves - axis.through_loop(waves)
+    return axis.blocks.mean(waves, axis=1).T
 
 
 @dataclass(frozen=True)

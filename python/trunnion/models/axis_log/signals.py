@@ -50,6 +50,13 @@ class Run:
         """Number of rows."""
         return int(self.rows.stop - self.rows.start)
 
+    def by_period(self, values: Floats) -> Floats:
+        """Values (..., count) by control period: between samples a cubic spline."""
+        if self.substeps == 1:
+            return values
+        fine = np.arange((self.count - 1) * self.substeps + 1) / self.substeps
+        return np.asarray(CubicSpline(np.arange(self.count), values, axis=-1)(fine))
+
 
 @dataclass(frozen=True)
 class Units:
@@ -243,28 +250,27 @@ class AxisSignal:
         return np.asarray(self.units.scale * (self.response(servo) - self.predicted))
 
     def through_loop(self, disturbance: Floats) -> Floats:
-        """What the closed loop makes of a disturbance of the command: linear, in its unit."""
-        return np.asarray(self._follow([self._linear], "motor", self._fine(disturbance))[0])
+        """What the loop makes of disturbances of its command, (..., rows): linear, from rest."""
+        from scipy.signal import lfilter  # it imports scipy.stats
 
-    @cached_property
-    def _linear(self) -> Axis:
-        """The loop without friction, backlash and the like."""
-        return type(self.servo)(self.servo.gain_per_s, self.servo.time_constant_ms)
+        out = disturbance.astype(np.float64)
+        for run in self.runs:
+            (a, b), (c, d) = self.step(run)
+            # Of z: what a command adds to the position, over the loop's own motion.
+            made = [0.0, 1.0 - a, b * -c - d * (1.0 - a)]
+            own = run.by_period(disturbance[..., run.rows])
+            first = own[..., :1]
+            followed = lfilter(made, [1.0, -(a + d), a * d - b * c], own - first, axis=-1)
+            out[..., run.rows] = first + followed[..., :: run.substeps]
+        return self._earlier(out, self.log_delay_ms)
 
     @cached_property
     def _fine_commands(self) -> list[Floats]:
         return self._fine(self.commanded)
 
     def _fine(self, command: Floats) -> list[Floats]:
-        """Commands of each run by control period: between samples a cubic spline."""
-        out = []
-        for run in self.runs:
-            values = np.ascontiguousarray(command[run.rows], dtype=np.float64)
-            if run.substeps > 1:
-                fine = np.arange((len(values) - 1) * run.substeps + 1) / run.substeps
-                values = np.asarray(CubicSpline(np.arange(len(values)), values)(fine))
-            out.append(values)
-        return out
+        """Commands of each run by control period."""
+        return [np.ascontiguousarray(run.by_period(command[run.rows])) for run in self.runs]
 
     def _follow(
         self,
