@@ -286,7 +286,9 @@ class _Search:
                 new = copy(self)
                 new.dropped, new.taken, new.at = {old}, list(self.taken), self.at.copy()
                 i = new.taken.index(old)
-                new.taken[i], new.at[i] = other, new.entries[other].least(self.axis)
+                entry = new.entries[other]
+                new.taken[i] = other
+                new.at[i] = min(entry.least(self.axis), entry.highest(self.axis))
                 new.left = new.y - new.predicted([new.at])[0]
                 new.fit()
                 best = min(best, new, key=lambda one: _cost([one]))
