@@ -232,7 +232,8 @@ def _ordinary(case: Case) -> tuple[Case, Choice | None, bool]:
     if (found.terms or not exact) and model.near() is not model:
         return case, None, False
     # What sums of chords are not may order sets otherwise, or be what is left.
-    linear = not found.terms and _is_linear(case, found.fit)
+    left = found.terms and not case.wandering  # beside a wander a term is no sign of other causes
+    linear = not left and _is_linear(case, found.fit)
     if linear or (about := model.near(always=True)) is model:
         return case, choice, True
     again = case_of(about)
