@@ -159,9 +159,9 @@ class Resonance(AxisEffect):
 
     def build(self, axis: AxisSignal, places: Places) -> Effect:
         """Return the effect on an axis of a log."""
-        top_hz = _top_hz(axis)
-        frequency, damping = self._best_place(axis, top_hz, places)
-        sought = sum(f <= top_hz for f in RESONANCES_HZ)
+        top = top_hz(axis)
+        frequency, damping = self._best_place(axis, top, places)
+        sought = sum(f <= top for f in RESONANCES_HZ)
         frequencies = tuple(frequency * k for k in (0.97, 1.0, 1.03))
         dampings = tuple(
             float(np.clip(damping * k, MIN_DAMPING, MAX_DAMPING)) for k in (0.8, 1.0, 1.25)
@@ -169,7 +169,7 @@ class Resonance(AxisEffect):
         parameters = (
             Parameter("share", unit="1", bounds=(0.0, 1.5)),
             Parameter(
-                "frequency_hz", unit="Hz", grid=frequencies, bounds=(LOWEST_HZ, BEYOND * top_hz)
+                "frequency_hz", unit="Hz", grid=frequencies, bounds=(LOWEST_HZ, BEYOND * top)
             ),
             Parameter("damping", unit="1", grid=dampings, bounds=(MIN_DAMPING, MAX_DAMPING)),
         )
@@ -181,7 +181,7 @@ class Resonance(AxisEffect):
         """Return the change of an axis's readings, (blocks,)."""
         return values["share"] * _resonance(axis, values["frequency_hz"], values["damping"])
 
-    def _best_place(self, axis: AxisSignal, top_hz: float, places: Places) -> tuple[float, float]:
+    def _best_place(self, axis: AxisSignal, top: float, places: Places) -> tuple[float, float]:
         """Frequency and damping at which a structure that carries the whole load fits best.
 
         A resonance's place is sharp, and with a free share of the load many a wrong frequency fits
@@ -190,7 +190,7 @@ class Resonance(AxisEffect):
         keys = (f"{self.id_of(axis)}_hz", f"{self.id_of(axis)}_damping")
         if keys[0] not in places.found:
             left, y = places.unexplained(axis.rows)
-            grid = [(f, d) for f in RESONANCES_HZ if f <= top_hz for d in DAMPINGS]
+            grid = [(f, d) for f in RESONANCES_HZ if f <= top for d in DAMPINGS]
             cost = np.concatenate(
                 [np.sum((y[:, None] - left(c)) ** 2, axis=0) for c in _resonances(axis, grid)]
             )
@@ -199,7 +199,7 @@ class Resonance(AxisEffect):
                 frequency, damping = np.exp(place)
                 return y - left(_resonance(axis, float(frequency), float(damping)))
 
-            low, high = np.log([LOWEST_HZ, MIN_DAMPING]), np.log([BEYOND * top_hz, MAX_DAMPING])
+            low, high = np.log([LOWEST_HZ, MIN_DAMPING]), np.log([BEYOND * top, MAX_DAMPING])
             fits = [
                 least_squares(
                     miss, np.log(grid[i]), bounds=(low, high), diff_step=[1e-4], max_nfev=25
@@ -226,7 +226,7 @@ class ResonanceColumns:
         return self.axis.blocks.place(self.axis.rows, column[:, None])
 
 
-def _top_hz(axis: AxisSignal) -> float:
+def top_hz(axis: AxisSignal) -> float:
     """Highest frequency at which a resonance is sought."""
     return min(0.4 / min(run.period_s for run in axis.runs), RESONANCES_HZ[-1])
 
@@ -235,7 +235,7 @@ def resonances_hz(axis: AxisSignal) -> tuple[float, ...]:
     """Frequencies at which a structure is sought beside the servo; none if the set-up has one."""
     if axis.nominal.resonance_hz:
         return ()
-    return tuple(f for f in RESONANCES_HZ if f <= _top_hz(axis))
+    return tuple(f for f in RESONANCES_HZ if f <= top_hz(axis))
 
 
 def _resonance(axis: AxisSignal, frequency_hz: float, damping: float) -> Floats:

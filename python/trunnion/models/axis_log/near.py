@@ -34,10 +34,10 @@ from trunnion.models.axis_log.effects import (
     MAX_CHANGE,
     MAX_DAMPING,
     MIN_DAMPING,
-    RESONANCES_HZ,
     is_scaled,
     resonances_hz,
     servo_effects,
+    top_hz,
 )
 from trunnion.models.axis_log.servo_effects import ServoEffect
 from trunnion.models.axis_log.signals import AxisSignal
@@ -131,43 +131,18 @@ def _cost(found: Sequence["_Search"]) -> float:
 
 
 @dataclass(frozen=True)
-class _LogDelay:
-    """A delay of the log as an entry beside those of the servo."""
+class _Value:
+    """A delay of the log, or a number of a structure for the whole load, as an entry of a search.
 
-    signed: ClassVar[bool] = True
-    expected: ClassVar[bool] = False
-    linear: ClassVar[bool] = True
-
-    def lowest(self, axis: AxisSignal) -> float:  # noqa: ARG002
-        """Return the smallest amount."""
-        return -np.inf
-
-    def highest(self, axis: AxisSignal) -> float:  # noqa: ARG002
-        """Return the largest amount."""
-        return np.inf
-
-    def least(self, axis: AxisSignal) -> float:  # noqa: ARG002
-        """Return the amount from which its size is sought, ms."""
-        return 10 * DELAY_STEP_MS
-
-    def added(self, servo: Axis, axis: AxisSignal, amount: float) -> Axis:  # noqa: ARG002
-        """Return the servo of an axis, which knows of no delay of the log."""
-        return servo
-
-
-@dataclass(frozen=True)
-class _OfStructure:
-    """Frequency or damping of a structure that carries the whole load, as an entry beside those.
-
-    parameter: Of the servo, 0 where it has no structure.
-    low, high: Smallest and largest value.
     size: From which it is sought: a tenth of it is a small change.
+    low, high: Smallest and largest value.
+    parameter: Of the servo, which has no other value of it; empty: of the log.
     """
 
-    parameter: str
-    low: float
-    high: float
     size: float
+    low: float = -np.inf
+    high: float = np.inf
+    parameter: str = ""
     signed: ClassVar[bool] = True
     expected: ClassVar[bool] = False
     linear: ClassVar[bool] = True
@@ -181,12 +156,12 @@ class _OfStructure:
         return self.high
 
     def least(self, axis: AxisSignal) -> float:  # noqa: ARG002
-        """Return the amount whose tenth is a small change."""
+        """Return the amount from which its size is sought."""
         return self.size
 
     def added(self, servo: Axis, axis: AxisSignal, amount: float) -> Axis:  # noqa: ARG002
-        """Return the servo of an axis with the amount in place of its own."""
-        return varied(servo, {self.parameter: amount})
+        """Return the servo of an axis with the amount."""
+        return varied(servo, {self.parameter: amount}) if self.parameter else servo
 
 
 class _Search:
@@ -206,26 +181,35 @@ class _Search:
         size = (len(axis.blocks), len(columns))
         self.acted = np.linalg.qr(np.reshape(columns, size[::-1]).T)[0]
         self.held = frozenset({LOG_DELAY} if log_delay_ms else ())
-        self.entries: dict[str, ServoEffect | _LogDelay | _OfStructure] = {**servo_effects(axis)}
+        self.entries: dict[str, ServoEffect | _Value] = {**servo_effects(axis)}
         self.structure: frozenset[str] = frozenset()
         if log_delay_ms != 0.0:
-            self.entries[LOG_DELAY] = _LogDelay()
+            self.entries[LOG_DELAY] = _Value(10 * DELAY_STEP_MS)
         self.taken = list(self.held)
         self.dropped: set[str] = set()
         self.runs = len(axis.runs)
         self.y = self.rest(axis.mean(axis.units.scale * (axis.actual - axis.commanded)))
         self.run_of = axis.blocks.run_of[: len(axis.blocks)]
         self.at = np.concatenate([[log_delay_ms] * len(self.held), axis.begins.ravel()])
-        self.left = self.y - self.predicted([self.at])[0]
+        self.left = self.left_at(self.at)
         self.take_in()
+
+    def at_point(self, taken: Iterable[str], at: Floats) -> "_Search":
+        """Return the search with these effects taken in, at a point."""
+        new = copy(self)
+        new.taken, new.at, new.dropped = list(taken), at, set(self.dropped)
+        new.left = new.left_at(at)
+        return new
+
+    def left_at(self, point: Floats) -> Floats:
+        """What is left of the readings at a point."""
+        return np.asarray(self.y - self.predicted([point])[0])
 
     def nonlinear_part(self, *, expected: bool) -> "_Search":
         """Return the search with what leaves the loop no linear one: nothing imitates a structure.
 
         ``expected``: whether what is expected to be off is in, too, with nothing to begin with.
         """
-        new = copy(self)
-        new.dropped = set(self.dropped)
         amounts = dict(zip(self.taken, self.at.tolist(), strict=False))
         for one in self.taken:
             entry = self.entries[one]
@@ -234,9 +218,7 @@ class _Search:
             elif entry.linear and one not in self.held:
                 amounts.pop(one)
         starts = self.axis.begins.ravel()
-        new.taken, new.at = list(amounts), np.concatenate([list(amounts.values()), starts])
-        new.left = new.y - new.predicted([new.at])[0]
-        return new
+        return self.at_point(amounts, np.concatenate([list(amounts.values()), starts]))
 
     def best_structure(self, frequencies: Sequence[float]) -> tuple[float, float]:
         """Frequency and damping of the structure for the whole load that explains most."""
@@ -255,17 +237,14 @@ class _Search:
 
         ``place``: its frequency and damping to begin with.
         """
-        new = copy(self)
-        new.dropped = set(self.dropped)
-        name, top = f"resonance_{self.axis.letter.lower()}", BEYOND * RESONANCES_HZ[-1]
-        of_structure = {
-            f"{name}_hz": _OfStructure("resonance_hz", LOWEST_HZ, top, 0.2),
-            f"{name}_damping": _OfStructure("damping", MIN_DAMPING, MAX_DAMPING, 0.01),
+        name, top = f"resonance_{self.axis.letter.lower()}", BEYOND * top_hz(self.axis)
+        structure: dict[str, ServoEffect | _Value] = {
+            f"{name}_hz": _Value(0.2, LOWEST_HZ, top, "resonance_hz"),
+            f"{name}_damping": _Value(0.01, MIN_DAMPING, MAX_DAMPING, "damping"),
         }
-        new.entries, new.structure = self.entries | of_structure, frozenset(of_structure)
-        new.at = np.insert(self.at, len(self.taken), place)
-        new.taken = [*self.taken, *of_structure]
-        new.left = new.y - new.predicted([new.at])[0]
+        bare = copy(self)
+        bare.entries, bare.structure = self.entries | structure, frozenset(structure)
+        new = bare.at_point([*self.taken, *structure], np.insert(self.at, len(self.taken), place))
         new.fit()
         new.take_in_more(new.fit())
         return new
@@ -283,13 +262,10 @@ class _Search:
         )
         for old in taken:
             for other in others:
-                new = copy(self)
-                new.dropped, new.taken, new.at = {old}, list(self.taken), self.at.copy()
-                i = new.taken.index(old)
-                entry = new.entries[other]
-                new.taken[i] = other
-                new.at[i] = min(entry.least(self.axis), entry.highest(self.axis))
-                new.left = new.y - new.predicted([new.at])[0]
+                entry, at = self.entries[other], self.at.copy()
+                at[self.taken.index(old)] = min(entry.least(self.axis), entry.highest(self.axis))
+                new = self.at_point([other if n == old else n for n in self.taken], at)
+                new.dropped = {old}
                 new.fit()
                 best = min(best, new, key=lambda one: _cost([one]))
         return best
@@ -378,7 +354,7 @@ class _Search:
             new = self.at + step
             new[: len(low)] = np.clip(new[: len(low)], low, high)
             try:
-                left = self.y - self.predicted([new])[0]
+                left = self.left_at(new)
             except InputError:  # no servo has such parameters
                 left = np.full(len(self.y), np.inf)
             with np.errstate(over="ignore"):  # of a servo that runs away
@@ -412,7 +388,7 @@ class _Search:
         i = self.taken.index(name)
         self.at = np.delete(self.at, i)
         self.taken.pop(i)
-        self.left = self.y - self.predicted([self.at])[0]
+        self.left = self.left_at(self.at)
 
     def weakest(self) -> str:
         """Effect without which too little more is left; an empty name if there is none."""
@@ -470,14 +446,14 @@ class _Search:
     def hold(self, log_delay_ms: float) -> None:
         """Fit anew with another delay of the log."""
         self.at[self.taken.index(LOG_DELAY)] = log_delay_ms
-        self.left = self.y - self.predicted([self.at])[0]
+        self.left = self.left_at(self.at)
         self.fit()
 
     def nonlinear(self) -> bool:
         """Whether chords, one an effect, are off by more than what is left."""
         k = len(self.taken)
         parts = [[name] for name in self.taken if name not in self.structure]
-        parts += [list(self.structure)] if self.structure <= set(self.taken) else []
+        parts += [list(self.structure)] if self.structure else []
         alone = np.zeros((len(parts) + 1, len(self.at)))
         alone[:, k:] = self.at[k:]
         for one, part in zip(alone, parts, strict=False):

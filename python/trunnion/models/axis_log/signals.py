@@ -224,14 +224,12 @@ class AxisSignal:
         """Positions under these parameters, by row, mm or deg."""
         return np.asarray(next(self.responses([servo]))[0])
 
-    def responses(
-        self, servos: Sequence[Axis], feedback: Feedback | None = None
-    ) -> Iterator[Floats]:
+    def responses(self, servos: Sequence[Axis]) -> Iterator[Floats]:
         """Positions under each of many parameters, simulated on all cores: in parts, (m, rows)."""
         batch = max(1, MAX_BATCH // len(self.commanded))
         for start in range(0, len(servos), batch):
             some = servos[start : start + batch]
-            yield self._follow(some, feedback or self.feedback, self._fine_commands, self.begins)
+            yield self._follow(some, self.begins)
 
     def readings_of(
         self, servos: Sequence[Axis], starts: Floats, delays_ms: Sequence[float]
@@ -240,7 +238,7 @@ class AxisSignal:
 
         In µm or arcsec, less the commanded positions. ``delays_ms``: of the log, for each.
         """
-        y = self._moved(servos, self.feedback, self._fine_commands, starts)
+        y = self._moved(servos, starts)
         for i, delay_ms in enumerate(delays_ms):
             y[i] = self._earlier(y[i], delay_ms)
         return self.blocks.mean(self.units.scale * (y - self.commanded), axis=1)
@@ -266,44 +264,28 @@ class AxisSignal:
 
     @cached_property
     def _fine_commands(self) -> list[Floats]:
-        return self._fine(self.commanded)
-
-    def _fine(self, command: Floats) -> list[Floats]:
         """Commands of each run by control period."""
-        return [np.ascontiguousarray(run.by_period(command[run.rows])) for run in self.runs]
+        return [np.ascontiguousarray(run.by_period(self.commanded[run.rows])) for run in self.runs]
 
-    def _follow(
-        self,
-        servos: Sequence[Axis],
-        feedback: Feedback,
-        fine: Sequence[Floats],
-        starts: Floats | None = None,
-    ) -> Floats:
-        """Recorded load positions for commands by control period, shape (servos, rows).
+    def _follow(self, servos: Sequence[Axis], starts: Floats) -> Floats:
+        """Recorded load positions, shape (servos, rows).
 
         ``starts``: of all servos (runs, 2), or of each, (servos, runs, 2).
         """
-        y = self._moved(servos, feedback, fine, starts)
-        return self._earlier(y, self.log_delay_ms)
+        return self._earlier(self._moved(servos, starts), self.log_delay_ms)
 
-    def _moved(
-        self,
-        servos: Sequence[Axis],
-        feedback: Feedback,
-        fine: Sequence[Floats],
-        starts: Floats | None,
-    ) -> Floats:
+    def _moved(self, servos: Sequence[Axis], starts: Floats) -> Floats:
         """The same, as they are at the time of each row."""
         each = numbers(servos)
         out = np.tile(self.commanded, (len(servos), 1))  # rows of no run: as commanded
-        some = np.zeros((len(self.runs), 2)) if starts is None else starts * [1.0, 1e3]
-        some = np.broadcast_to(some / self.units.scale, (len(servos), len(self.runs), 2))
-        for i, (run, command) in enumerate(zip(self.runs, fine, strict=True)):
+        some = starts * [1.0, 1e3] / self.units.scale
+        some = np.broadcast_to(some, (len(servos), len(self.runs), 2))
+        for i, (run, command) in enumerate(zip(self.runs, self._fine_commands, strict=True)):
             out[:, run.rows] = _core.contour_axis_responses(
                 self.letter,
                 each,
                 run.control_s,
-                feedback,
+                self.feedback,
                 command,
                 stride=run.substeps,
                 starts=np.ascontiguousarray(some[:, i]),
@@ -322,7 +304,7 @@ class AxisSignal:
         out = np.zeros((len(self.commanded), 2))
         if self.starts is not None:
             moved = self.starts + START_STEP * np.eye(2)[:, None, :]
-            y = self._follow([self.servo] * 2, self.feedback, self._fine_commands, moved)
+            y = self._follow([self.servo] * 2, moved)
             return np.asarray((self.units.scale / START_STEP * (y - self.predicted)).T)
         for run in self.runs:
             poles, vectors = np.linalg.eig(self.step(run).astype(complex))
@@ -356,7 +338,7 @@ class AxisSignal:
     def sense_and_speed(self) -> tuple[Floats, Floats]:
         """Sense of travel and speed of the modelled motion by row; rest keeps the last sense."""
         sense, speed = np.zeros(len(self.commanded)), np.zeros(len(self.commanded))
-        moved = self._moved([self.servo], self.feedback, self._fine_commands, self.begins)[0]
+        moved = self._moved([self.servo], self.begins)[0]
         for run in self.runs:
             v = np.gradient(moved[run.rows], run.period_s)
             s = np.sign(np.where(np.abs(v) < 1e-6 * np.abs(v).max(initial=1e-30), 0.0, v))
