@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from positioning_twin import axis
 from power.one_machine import drawn
+from trunnion.diagnosis import left
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.columns import Piece
-from trunnion.diagnosis.of_some import OfSome
+from trunnion.diagnosis.engine import leave
+from trunnion.diagnosis.of_some import OfSome, Orthonormal
 from trunnion.diagnosis.plain import case_of
 from trunnion.diagnosis.scan import Dictionary
+from trunnion.diagnosis.selection import cost
+from trunnion.models import kinds
 from trunnion.models.joint import JointModel
 from trunnion.models.kinds import model_of
 
@@ -47,11 +52,12 @@ def test_a_joint_model_gives_what_acts_in_one_part_by_its_readings() -> None:
     assert isinstance(model, JointModel)
     case = case_of(model)
     pieces = dict(case.linearised.pieces())
-    kept = [piece for piece in pieces.values() if isinstance(piece, OfSome)]
+    kept = [piece for piece in pieces.values() if isinstance(piece, OfSome | Orthonormal)]
     assert len(kept) == len(model.effects)  # of two axes nothing is shared
-    for j, piece in pieces.items():
+    for j, known in pieces.items():
         values, start = case.values[j], case.plain.nuisance
         whole = model.white_columns(start, model.effects[j], values, case.whiten)
+        piece = known.whole() if isinstance(known, Orthonormal) else known
         assert isinstance(piece, OfSome)
         assert np.array_equal(whole[:, piece.at], piece.own)
         assert np.count_nonzero(whole) == np.count_nonzero(piece.own)
@@ -76,3 +82,64 @@ def test_structure_of_several_measurements_is_that_of_each() -> None:
     for term in range(0, made.count, 17):
         assert np.allclose(taken.block(term), made.block(same[term]), atol=1e-12)
         assert np.allclose(taken.variants(term), made.variants(same[term]), atol=1e-12)
+
+
+def joint(kinds_of: tuple[str, ...], number: int, *, own: bool) -> JointModel:
+    """Return the joint model of a drawn machine; ``own``: with columns of the measurements."""
+    made = drawn(kinds_of, number, seed=23)
+    measured = kinds._measured(made.data, made.setup, ())
+    for one in measured:
+        if not own:
+            object.__setattr__(one.alone, "columns", None)
+    return kinds._joint(measured, made.setup, ())
+
+
+@pytest.mark.parametrize(
+    "kinds_of",
+    [
+        ("points", "diameters"),
+        ("touches", "ballbar"),
+        ("positioning", "axislog"),
+        ("sweep", "positioning"),
+    ],
+)
+def test_columns_of_the_measurements_are_those_of_the_joint_diagnosis(
+    kinds_of: tuple[str, ...],
+) -> None:
+    with_own, without = (case_of(joint(kinds_of, 0, own=own)) for own in (True, False))
+    kept = [piece for _, piece in with_own.linearised.pieces()]
+    assert any(isinstance(piece, Orthonormal) for piece in kept)
+    assert not any(isinstance(piece, Orthonormal) for _, piece in without.linearised.pieces())
+    one, other = with_own.candidates, without.candidates
+    assert np.array_equal(one.owner, other.owner)
+    assert np.array_equal(one.rank, other.rank)
+    assert one.penalty == pytest.approx(other.penalty, rel=1e-6)
+    # What each block explains of any residual is the same, whatever signs its columns have.
+    drawn_left = np.random.default_rng(5).normal(size=(len(with_own.rows), 3))
+    assert one.gains(drawn_left) == pytest.approx(other.gains(drawn_left), rel=1e-6, abs=1e-9)
+
+
+def test_columns_of_fewer_readings_are_made_anew() -> None:
+    model = joint(("points", "diameters"), 0, own=True)
+    pieces = [x for _, x in case_of(model).linearised.pieces() if isinstance(x, Orthonormal)]
+    piece = pieces[0]
+    fewer = np.delete(np.arange(len(model.readings)), [piece.at.start + 1])
+    some = piece.rows(fewer)
+    assert np.allclose(some.own, np.delete(piece.whole().own, 1, axis=1))
+
+
+def test_noise_of_a_log_from_causes_one_by_one_is_that_of_its_own_diagnosis(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    made = drawn(("positioning", "axislog"), 2, seed=23)
+    model = kinds.model_of(made.data[1], made.setup, ())
+    quick = left.left_one_by_one(case_of(model))
+    assert quick is not None
+    monkeypatch.setattr("trunnion.diagnosis.engine.left_one_by_one", lambda _: None)
+    whole = leave(kinds.model_of(made.data[1], made.setup, ()))
+    assert whole.unexplained is None
+    assert np.std(quick.after) == pytest.approx(np.std(whole.after), rel=0.02)
+
+
+def test_a_cause_that_is_banned_costs_infinitely_much_without_a_warning() -> None:
+    assert np.array_equal(cost(np.array([np.inf, 4.0]), np.array([2, 2]), 40) > 1e9, [True, False])

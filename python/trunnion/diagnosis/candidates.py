@@ -22,6 +22,7 @@ from trunnion.diagnosis.columns import (
     DEPENDENT,
     ROUNDING,
     Among,
+    Columns,
     Part,
     Piece,
     Shelf,
@@ -33,7 +34,6 @@ from trunnion.diagnosis.columns import (
     storage,
     unit_blocks,
 )
-from trunnion.diagnosis.of_some import OfSome
 
 # The same where the model is known to be incomplete (3 % of its length): or its gaps decide.
 DEPENDENT_INCOMPLETE = 1e-3
@@ -137,6 +137,7 @@ class Candidates:
         self._parts: tuple[Floats | Part, ...] = shelf.parts() or (np.zeros((0, n)),)
         self.owner, self.rank, self.start = map(np.concatenate, (owner, rank, start))
         self.variant = np.arange(len(self.owner)) - np.searchsorted(self.owner, self.owner)
+        self._made = self.owner, self.rank, self.start
         self._keep(self.rank > 0)
 
     def beside(
@@ -175,7 +176,7 @@ class Candidates:
         return new
 
     def with_variants(
-        self, further: Mapping[int, tuple[int, Floats | OfSome]], without: Mapping[int, int]
+        self, further: Mapping[int, tuple[int, Columns]], without: Mapping[int, int]
     ) -> "Candidates":
         """Return these with one variant more of some that have several, none of them inflated.
 
@@ -184,6 +185,8 @@ class Candidates:
         """
         new = copy(self)
         vars(new).pop("by_rank", None)
+        as_before = ~np.isin(self._made[0], [*further])
+        new._made = self._made[0][as_before], self._made[1][as_before], self._made[2][as_before]
         for j, variant in without.items():
             new._keep((new.owner != j) | (new.variant != variant))
             new.variant = new.variant - ((new.owner == j) & (new.variant > variant))
@@ -277,6 +280,26 @@ class Candidates:
         """Columns of a block, one a row, shape (k, n)."""
         part, some = self._place(block)
         return part[some]
+
+    def orthonormal(self, j: int, some: slice) -> tuple[Floats, Integers] | None:
+        """Columns of some variants of a candidate, one a row (M, n), and the rank of each (v,).
+
+        None: they are not kept in double precision, or further places were added.
+        """
+        owner, rank, start = self._made
+        every = np.flatnonzero(owner == j)[some]
+        if not len(every):
+            return None
+        blocks = every[rank[every] > 0]
+        at = np.searchsorted(self._ends, start[blocks], side="right")
+        columns = [np.zeros((0, len(self._basis)))]
+        for i in np.unique(at).tolist():
+            part, own = self._parts[i], blocks[at == i]
+            if not isinstance(part, np.ndarray) or part.dtype != np.float64:
+                return None
+            before = self._ends[i] - len(part)
+            columns.append(part[start[own[0]] - before : start[own[-1]] + rank[own[-1]] - before])
+        return np.concatenate(columns) if len(columns) != 2 else columns[1], rank[every]
 
     def makes_any(self, polynomials: Floats, basis: Floats) -> bool:
         """Whether one candidate is any smooth function of a quantity: a curve along an axis, say.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import orth
@@ -12,11 +12,10 @@ from scipy.linalg import orth
 from trunnion.base.resolution import inflation
 from trunnion.base.units import Floats
 from trunnion.diagnosis.candidates import DEPENDENT_INCOMPLETE, Candidates
-from trunnion.diagnosis.columns import Family
+from trunnion.diagnosis.columns import Columns
 from trunnion.diagnosis.effect import Values
 from trunnion.diagnosis.fit import Fit, first_values, variant_columns
 from trunnion.diagnosis.noise import Whitener
-from trunnion.diagnosis.of_some import OfSome
 
 if TYPE_CHECKING:
     from trunnion.diagnosis.case import Case
@@ -64,11 +63,7 @@ def with_places(case: Case, c: Candidates, further: Mapping[int, Values]) -> Can
     return _weighed(case, c.with_variants(more, gone))
 
 
-@overload
-def _used(case: Case, columns: Floats | OfSome) -> Floats | OfSome: ...
-@overload
-def _used(case: Case, columns: Family) -> Family: ...
-def _used(case: Case, columns: Floats | OfSome | Family) -> Floats | OfSome | Family:
+def _used(case: Case, columns: Columns) -> Columns:
     """Columns in the readings that are used."""
     rows = slice(None) if case.complete else case.rows
     return columns[:, rows] if isinstance(columns, np.ndarray) else columns.rows(rows)

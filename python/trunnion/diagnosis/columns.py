@@ -15,13 +15,14 @@ import numpy as np
 from trunnion.base.rows import at_hand
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Flags, Floats, Integers
-from trunnion.diagnosis.of_some import Beside, OfSome
+from trunnion.diagnosis.of_some import Beside, OfSome, Orthonormal
 
 # Relative size of a squared column below which it counts as dependent on the others (0.3 % of its
 # length). Exact dependencies of a perfect machine are broken in second order by the errors of the
 # real one (1e-3 rad), which helps nobody: the parameter would have to be a thousand times as large.
 DEPENDENT = 1e-5
 ROUNDING = 1e-10  # of the longest column: sin 180°
+APART = 1e-10  # cosine of columns that have nothing in common, but for rounding
 MAX_DOUBLES = 1 << 25  # numbers that are kept in double precision, 256 MiB
 BATCH_NUMBERS = 1 << 18  # numbers that are worked on at once
 BATCH_COLUMNS = 16  # of many readings: what they are beside is read once for these
@@ -103,8 +104,9 @@ class Family(Protocol):
         """Orthonormal columns of each variant beside a basis, their rank, and where they start."""
 
 
+Columns: TypeAlias = Floats | OfSome | Orthonormal | Family
 # a candidate, all of its variants or some (v, n, k)
-Piece: TypeAlias = tuple[int, Floats | OfSome | Family]
+Piece: TypeAlias = tuple[int, Columns]
 
 
 @dataclass(frozen=True)
@@ -271,19 +273,20 @@ def batches(pieces: Iterable[Piece], apart: Collection[int] = ()) -> Iterator[li
     batch: list[Piece] = []
     numbers, kind = 0, None
     for piece in pieces:
-        columns = piece[1].own if isinstance(piece[1], OfSome) else piece[1]
+        some = piece[1] if isinstance(piece[1], OfSome | Orthonormal) else None
+        columns = piece[1] if some is None else some.own
         if not isinstance(columns, np.ndarray):
             if batch:
                 yield batch
             yield [piece]
             batch, numbers = [], 0
             continue
-        at = piece[1].at.start if isinstance(piece[1], OfSome) else None
-        if batch and (piece[0] in apart, at) != kind:
+        own = piece[0] in apart, some and (type(some), some.at.start)
+        if batch and own != kind:
             yield batch
             batch, numbers = [], 0
         batch.append(piece)
-        kind = piece[0] in apart, at
+        kind = own
         numbers += columns.size
         if numbers >= batch_numbers(columns.shape[1]):
             yield batch
@@ -298,13 +301,19 @@ def batch_numbers(n: int) -> int:
 
 
 def unit_blocks(
-    variants: Sequence[Floats | OfSome | Family],
+    variants: Sequence[Columns],
     basis: Floats,
     kind: type[np.float32 | np.float64],
     shelf: Shelf,
 ) -> tuple[Integers, Integers]:
     """Put orthonormal columns of each block beside the basis on a shelf; their rank and start."""
     first = variants[0]
+    if isinstance(first, Orthonormal):
+        joined, rank = Orthonormal.joined(
+            [v for v in variants if isinstance(v, Orthonormal)], basis
+        )
+        shelf.add(joined)
+        return rank, np.concatenate([[0], np.cumsum(rank)[:-1]]).astype(np.intp)
     if isinstance(first, OfSome):
         own = [v.own.transpose(0, 2, 1) for v in variants if isinstance(v, OfSome)]
         return _orthonormal_blocks(own, basis, kind, shelf, first.at)

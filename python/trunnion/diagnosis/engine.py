@@ -41,7 +41,7 @@ from trunnion.diagnosis.cross_validation import better
 from trunnion.diagnosis.explain import LINEAR_ERROR, best_score, exactly, explain
 from trunnion.diagnosis.explanation import Explanation
 from trunnion.diagnosis.fit import Fit, fit
-from trunnion.diagnosis.left import Left, left_of, left_one_by_one
+from trunnion.diagnosis.left import MAX_NONLINEAR, Left, left_of, left_one_by_one
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.plain import case_of, plain_fit, whitened
 from trunnion.diagnosis.records import rms, units_of
@@ -64,7 +64,6 @@ MAX_ROUNDS = 3
 MAX_POINTS = 3  # about which candidates are linearised
 MAX_WORSE = 1.001  # of the rms of the plain model
 MAX_WORSE_OF_ONE = 30.0  # of squares over the noise: one of several measurements fitted worse
-MAX_NONLINEAR = 0.1  # of the rms of the residuals, that is left to the second order
 SAME_DIRECTION_COSINE = 0.999
 SAME_LIKELIHOOD = 0.5  # of -2 ln L: weights are good enough
 TINY = 1e-300

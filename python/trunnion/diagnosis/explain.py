@@ -1,15 +1,17 @@
 """Find the sets of causes that explain some readings, and structure that none of them makes."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from trunnion.base.resolution import Floor
+from trunnion.base.units import Floats
 from trunnion.diagnosis.alarms import CAUSE_LEVEL, Alarm, scatter
 from trunnion.diagnosis.candidates import NAMING_LEVEL, Candidates
 from trunnion.diagnosis.case import Case
+from trunnion.diagnosis.columns import APART
 from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.explanation import Explanation, Sets
 from trunnion.diagnosis.fit import Fit, fit
@@ -368,6 +370,8 @@ def _behind(case: Case, best: float, sets: Sets) -> Sets:
         change = np.asarray(effect.change(effect.least or {}), dtype=np.float64)
         white = case.white(change)
         own = white - case.plain.basis @ (case.plain.basis.T @ white)
+        if not _take_a_share(c, known, own):
+            continue
         for times in HIDDEN_SIZES:
             for f in search(c, case.plain.white - times * own, floor=case.floor).found:
                 if f.score > best + WITHIN:
@@ -385,6 +389,12 @@ def _behind(case: Case, best: float, sets: Sets) -> Sets:
     small = [k for k in (*known, *out) if k & hidden]
     fresh = [one for with_it, one in out.items() if not any(with_it > k for k in small)]
     return sorted(fresh, key=lambda one: one[1])
+
+
+def _take_a_share(c: Candidates, sets: Collection[frozenset[int]], own: Floats) -> bool:
+    """Whether causes of some sets explain any of a white change: not those of other readings."""
+    causes = np.isin(c.owner, sorted(set().union(*sets)))
+    return bool(np.any(c.gains(own)[causes] > APART**2 * (own @ own)))
 
 
 def _fit_set(case: Case, c: Candidates, f: Found) -> Fit:

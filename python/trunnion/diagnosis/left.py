@@ -14,14 +14,19 @@ import numpy as np
 from scipy.linalg import orth
 
 from trunnion.base.resolution import Grid
+from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats, Integers
+from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case
+from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.explain import LINEAR_ERROR
 from trunnion.diagnosis.explanation import Explanation
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.in_steps import as_read
 from trunnion.diagnosis.linearised import Linearised
+from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.outliers import far_out_beside
+from trunnion.diagnosis.records import rms
 from trunnion.diagnosis.remaining import unexplained
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scan import Dictionary, beside_a_term
@@ -30,6 +35,8 @@ from trunnion.diagnosis.steps import weights_of
 from trunnion.diagnosis.structure import with_structure
 from trunnion.diagnosis.suspects import rested_on
 from trunnion.diagnosis.whitening import Whiten, sizes_of
+
+MAX_NONLINEAR = 0.1  # of the rms of the residuals, that is left to the second order
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +55,7 @@ class Left:
     exact: Whether they have no noise.
     assumed: Variance of a white reading that the causes of exact ones were searched with.
     candidates: Count of those that one cause is among beforehand; 0: not known.
+    columns: The candidates beside the plain fit, of few readings.
     """
 
     before: Floats
@@ -63,6 +71,7 @@ class Left:
     exact: bool = False
     assumed: float = 0.0
     candidates: float = 0.0
+    columns: Candidates | None = None
 
     @classmethod
     def of(cls, found: Diagnosis) -> Left | None:
@@ -77,13 +86,14 @@ class Left:
 def left_one_by_one(case: Case) -> Left | None:
     """Return what causes leave that are found one after the other; None: that may not do.
 
-    It does where all that they leave is noise, white but for its size, and not next to nothing: no
-    reading is far out, no cause rests on one, no structure is seen, and steps of readings do not
-    matter.
+    It does where all that they leave is stationary noise, and not next to nothing: no reading is
+    far out, no cause rests on one, no structure is seen, steps of readings do not matter, and what
+    the causes change is proportional to their sizes.
     """
     plain, n = case.plain, len(case.rows)
-    sizes = sizes_of(case.whiten, n)
-    if sizes is None or case.exact(plain):
+    sizes, whiten = sizes_of(case.whiten, n), case.whiten
+    stationary = isinstance(whiten, Whitener) and not (whiten.dependent or whiten.wandering)
+    if (sizes is None and not stationary) or case.exact(plain):
         return None
     causes = one_by_one(case.candidates, plain.white, floor=case.floor)
     basis, white = plain.basis, plain.white
@@ -93,8 +103,11 @@ def left_one_by_one(case: Case) -> Left | None:
         basis = np.concatenate([basis, own], axis=1)
         white = white - own @ (own.T @ white)
     rss, dof = float(white @ white), n - basis.shape[1]
-    after = plain.residuals - sizes * (plain.white - white)
-    if dof < 1 or rss < LINEAR_ERROR**2 * plain.rss or _in_steps(case, after, dof):
+    if sizes is None:
+        after = _beside(case, causes.blocks)
+    else:
+        after = plain.residuals - sizes * (plain.white - white)
+    if dof < 1 or rss < LINEAR_ERROR**2 * plain.rss or after is None or _in_steps(case, after, dof):
         return None
     if case.model.allows_outliers and (
         len(far_out_beside(basis, white, case.least_noise)) or _rest_on_one(columns, plain, white)
@@ -103,9 +116,49 @@ def left_one_by_one(case: Case) -> Left | None:
     if beside_a_term(case.dictionary, white, basis, case.floor)[1] < dof:
         return None
     rows = np.asarray(case.model.readings.rows)
-    known = case.linearised, case.whiten, case.grid, case.dictionary
-    count = case.candidates.multiplicity
-    return Left(plain.residuals, after, rows, (), plain.dof - dof, None, *known, candidates=count)
+    return Left(
+        plain.residuals,
+        after,
+        rows,
+        (),
+        plain.dof - dof,
+        None,
+        case.linearised,
+        case.whiten,
+        case.grid,
+        case.dictionary,
+        candidates=case.candidates.multiplicity,
+        columns=_kept(case),
+    )
+
+
+def _kept(case: Case) -> Candidates | None:
+    """The candidates of a case, unless they are of many readings."""
+    return case.candidates if len(case.rows) < MANY_ROWS else None
+
+
+def _beside(case: Case, blocks: Sequence[int]) -> Floats | None:
+    """What a fit of blocks of candidates leaves of the readings, (n,).
+
+    None: what they change, all simulated together, is not proportional to their sizes.
+    """
+    plain, model, c = case.plain, case.model, case.candidates
+    columns, acting = [plain.jacobian @ plain.directions.T], list[tuple[Effect, Values]]()
+    for b in blocks:
+        effect, values = case.effects[j := int(c.owner[b])], case.values[j][int(c.variant[b])]
+        columns.append(model.linear_columns(plain.nuisance, effect, [values])[0].T)
+        acting.append((effect, values))
+    every = np.concatenate(columns, axis=1)
+    sizes = np.linalg.lstsq(np.asarray(case.whiten(every)), plain.white, rcond=None)[0]
+    left = np.asarray(plain.residuals - every @ sizes)
+    moved, own = np.split(sizes, [len(plain.directions)])
+    found, rest = dict[str, Values](), iter(own.tolist())
+    for effect, values in acting:
+        linear = {p.name: next(rest) for p in effect.parameters if p.linear}
+        found[effect.id] = Values({**values, **linear})
+    exact = model.exact_residuals(plain.nuisance + moved @ plain.directions, found)
+    off = rms(exact - left)
+    return left if off <= MAX_NONLINEAR * max(rms(left), case.least_rms) else None
 
 
 def _rest_on_one(causes: Sequence[Floats], plain: Fit, left: Floats) -> bool:
@@ -154,4 +207,5 @@ def left_of(case: Case, e: Explanation, dropped: Integers) -> Left:
         exact=e.assumed > 0 or kept.exact(f),
         assumed=e.assumed,
         candidates=case.candidates.multiplicity,
+        columns=_kept(case),
     )

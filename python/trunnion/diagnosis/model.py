@@ -23,7 +23,7 @@ from trunnion.base.resolution import Coordinates, Grid
 from trunnion.base.statistics import RANK_TOLERANCE
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.effect import Effect, EffectValues, Values
-from trunnion.diagnosis.of_some import OfSome
+from trunnion.diagnosis.of_some import OfSome, Orthonormal
 from trunnion.diagnosis.whitening import Correlated, Whiten, identity
 from trunnion.machine.budget import Input, Source
 from trunnion.machine.effects import Owner
@@ -389,7 +389,7 @@ class Model:
 
     def white_piece(
         self, nuisance: Floats, effect: Effect, values: Sequence[Values], whiten: Whiten
-    ) -> Floats | OfSome:
+    ) -> Floats | OfSome | Orthonormal:
         """Return the same, or of the readings only that the effect changes."""
         return self.white_columns(nuisance, effect, values, whiten)
 

@@ -17,6 +17,7 @@ from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.along import MIN_PLACES, Along, Beside, of_ratios
 from trunnion.diagnosis.candidates_of import with_places
+from trunnion.diagnosis.columns import APART
 from trunnion.diagnosis.effect import Values
 from trunnion.diagnosis.selection import WITHIN, Search, search
 
@@ -68,15 +69,18 @@ def _beside_others(case: Case, s: Search) -> dict[int, Values]:
     A place is left only for one at which the sets that the candidate is in are better.
     """
     c, found = s.c, dict[int, Values]()
-    scores = _of_further(case, s)
-    for rest, known, near in _companies(s):
+    scores, looked_at = _of_further(case, s), dict[tuple[tuple[int, ...], bytes], Along]()
+    for rest, rss, known, near in _companies(s):
         j = s.owner[near[0]]
         free = of_ratios(case.effects[j])
         if free is None:
             continue
-        about = [case.values[j][v][free.name] for v in c.variant[near].tolist()]
-        along = Along.of(case, case.effects[j], free, _beside(case, c, rest), about)
-        together, rss = [*rest, int(near[0])], along.beside.rss
+        key = (seen := _that_matter(c, rest, near)), near.tobytes()
+        if (along := looked_at.get(key)) is None:
+            about = [case.values[j][v][free.name] for v in c.variant[near].tolist()]
+            along = Along.of(case, case.effects[j], free, _beside(case, c, seen), about)
+            looked_at[key] = along
+        together = [*rest, int(near[0])]
         size, penalty = int(c.rank[together].sum()), float(c.penalty[together].sum())
         worst = min(s.best + WITHIN, float(s.score(rss - known, size, penalty)) - LOST)
         for top, most in zip(*along.peaks(), strict=True):
@@ -104,11 +108,24 @@ def _of_further(case: Case, s: Search) -> dict[int, float]:
     return scores
 
 
-def _companies(s: Search) -> Iterator[tuple[tuple[int, ...], float, Integers]]:
-    """Blocks beside which a candidate may explain what is left, its gain, and those of its blocks.
+def _that_matter(c: Candidates, others: Sequence[int], blocks: Integers) -> tuple[int, ...]:
+    """Those of some others that change what blocks gain beside them, in order.
 
-    About which it may gain enough; all of them, if it is in the set. Beside the best sets, and
-    these without one cause: that which takes the place of what is missed at places of the grid.
+    Causes of one of several measurements change nothing of what is gained in another one.
+    """
+    apart, reached = set(others), blocks.tolist()
+    while reached and apart:
+        columns = np.concatenate([c.start[b] + np.arange(c.rank[b]) for b in reached])
+        reached = [b for b in apart if np.max(np.abs(c.gram_rows(b)[:, columns])) > APART]
+        apart.difference_update(reached)
+    return tuple(b for b in sorted(others) if b not in apart)
+
+
+def _companies(s: Search) -> Iterator[tuple[tuple[int, ...], float, float, Integers]]:
+    """Blocks beside which a candidate may explain more, what they leave, its gain, and its blocks.
+
+    Those about which it may gain enough; all of them, if it is in the set. Beside the best sets,
+    and these without one cause: that which takes the place of what is missed at places of the grid.
     """
     c, seen = s.c, set[tuple[frozenset[int], int]]()
     several = np.bincount(c.owner, minlength=c.count)[c.owner] >= MIN_PLACES
@@ -127,7 +144,7 @@ def _companies(s: Search) -> Iterator[tuple[tuple[int, ...], float, Integers]]:
                 large = s.score(rss, 0, 0.0) - s.score(rss - known, 0, 0.0) > LARGE
                 if large and (key := (frozenset(others), j)) not in seen:
                     seen.add(key)
-                    yield others, known, near[c.owner[near] == j]
+                    yield others, rss, known, near[c.owner[near] == j]
 
 
 def _above_neighbours(owner: Integers, gains: Floats) -> Floats:

@@ -4,6 +4,7 @@ What is always fitted may be shared by all readings, and is taken out of a colum
 is a combination of few columns for all causes: it is kept as such, and never made.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +30,36 @@ class OfSome:
             return self
         first, last = np.searchsorted(some, [self.at.start, self.at.stop]).tolist()
         return OfSome(self.own[:, some[first:last] - self.at.start], slice(first, last))
+
+
+@dataclass(frozen=True, eq=False)
+class Orthonormal:
+    """Columns of some readings that are orthonormal by block, beside all that is fitted there.
+
+    Nothing of that is fitted in other readings, too: beside what is fitted in all they stay so.
+
+    own: One a row, of all variants (M, m). rank: How many are of each (v,). at: The readings.
+    whole: Makes the columns of the variants as they were.
+    """
+
+    own: Floats
+    rank: Integers
+    at: slice
+    whole: Callable[[], OfSome]
+
+    def __len__(self) -> int:
+        """Count of the variants."""
+        return len(self.rank)
+
+    def rows(self, some: Integers | slice) -> "Orthonormal | OfSome":
+        """Return columns of some of the rows, in order: those of all are orthonormal."""
+        return self if isinstance(some, slice) else self.whole().rows(some)
+
+    @staticmethod
+    def joined(made: "list[Orthonormal]", basis: Floats) -> "tuple[Beside, Integers]":
+        """Return the columns of several, of the same readings, and the rank of each block."""
+        own, rank = (np.concatenate(x) for x in zip(*((m.own, m.rank) for m in made), strict=True))
+        return Beside(own, made[0].at, basis, np.zeros((len(own), basis.shape[1]))), rank
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,9 +33,7 @@ from trunnion.base.resolution import NO_FLOOR, Floor
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.candidates import Candidates
 
-# "Within 6 of the best": a likelihood ratio of exp(3) = 20.
-WITHIN = 6.0
-
+WITHIN = 6.0  # "within 6 of the best": a likelihood ratio of exp(3) = 20
 BEAM = 20
 REACH = 30.0  # above the best score, to which sets are weighed: a likelihood ratio of 3e6
 SCORE_DIGITS = 6
@@ -46,6 +44,7 @@ EXCHANGED_SETS = 4
 CANCELLING = 3.0  # times the residuals, that a contribution may be without costing much
 SETTLED = 12.0  # above the best score, to which sets are weighed by the size of contributions
 TINY = 1e-300
+BANNED = 1e100  # of a penalty, which is infinite for a cause that no set may have
 MAX_BEYOND = 0.9  # of the series of the penalty, where it does not converge
 
 
@@ -72,7 +71,7 @@ class _State:
 def cost(penalty: Floats | float, columns: Integers | int, dof: int) -> Floats:
     """What m ln(RSS / RSS(S)) gains with the chance with which chi² gains the penalties."""
     size = dof - np.asarray(columns) / 2 - 1.0
-    beyond = (columns - 2) * (penalty + columns + 2) / (24.0 * size**2)
+    beyond = (columns - 2) * (np.minimum(penalty, BANNED) + columns + 2) / (24.0 * size**2)
     return np.asarray(penalty * dof / size / (1.0 - np.minimum(beyond, MAX_BEYOND)))
 
 
@@ -248,7 +247,7 @@ class Search:
 
     def exchange(self) -> None:
         """Try each cause of the best sets against every other candidate."""
-        tried: set[int] = set()
+        tried = set[int]()
         for _ in range(EXCHANGES):
             near = [f for f in self.known.values() if f.score <= self.best + self.within]
             near.sort(key=lambda f: f.score)

@@ -13,7 +13,13 @@ from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.fit import ABSORBED_SHARE, Fit, first_values, variant_columns
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import labelled, with_unit
-from trunnion.machine.unnoticed import large, noticed_with, unnoticed, unnoticed_if_large
+from trunnion.machine.unnoticed import (
+    BesideFit,
+    large,
+    noticed_with,
+    unnoticed,
+    unnoticed_if_large,
+)
 
 MOST = 0.5
 """Share of the causes looked for, beyond which more stay unnoticed than could be found."""
@@ -24,15 +30,9 @@ MAX_MISSED = 5
 
 @dataclass(frozen=True)
 class Others:
-    """Linear effects beside a fit: derivatives of the readings over their noise.
+    """Linear effects beside a fit. noticed: Standard errors from which one is noticed."""
 
-    columns: By "id.parameter". jacobian, cofactor: Of what is fitted, (n, p), (p, p). noticed:
-    Standard errors from which one is noticed.
-    """
-
-    columns: Mapping[str, Floats]
-    jacobian: Floats
-    cofactor: Floats
+    beside: BesideFit
     noticed: float
 
     @classmethod
@@ -44,7 +44,7 @@ class Others:
         columns = _Columns(case, f.nuisance, variance, others)
         jacobian = case.white(f.jacobian) / np.sqrt(variance)
         noticed = noticed_with(np.inf if variance == case.floor.variance else f.dof - 1)
-        return cls(columns, jacobian, f.covariance * variance, noticed)
+        return cls(BesideFit.of(jacobian, f.covariance * variance, columns), noticed)
 
 
 class _Columns(Mapping[str, Floats]):
@@ -85,16 +85,7 @@ def unnoticed_of(
     if others is None or not std:
         return {}
     names = names_of(case.model, f)
-    return unnoticed(
-        others.jacobian,
-        others.cofactor,
-        names,
-        others.columns,
-        std,
-        ABSORBED_SHARE,
-        others.noticed,
-        lost,
-    )
+    return unnoticed(others.beside, names, std, ABSORBED_SHARE, others.noticed, lost)
 
 
 def is_small(case: Case) -> bool:
@@ -106,9 +97,7 @@ def too_little(case: Case, others: Others | None) -> str | None:
     """Say that most causes would stay unnoticed even if they were large, if so."""
     if others is None or not is_small(case):
         return None
-    ids = unnoticed_if_large(
-        others.jacobian, others.cofactor, others.columns, ABSORBED_SHARE, others.noticed
-    )
+    ids = unnoticed_if_large(others.beside, ABSORBED_SHARE, others.noticed)
     looked_for = [e for e in case.effects if e.linear]
     if len(ids) <= MOST * len(looked_for):
         return None

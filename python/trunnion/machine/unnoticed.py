@@ -1,6 +1,9 @@
 """Effects too small to be noticed that shift an error of the machine all the same."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import special
@@ -19,11 +22,56 @@ LARGE = 10.0
 """Assumed sizes of a large effect; effects of one such size many a good measurement misses."""
 
 
+@dataclass(frozen=True, eq=False)
+class BesideFit:
+    """What a fit makes of effects that are not in it, of one parameter after the other.
+
+    Attributes
+    ----------
+    parameters
+        "id.name" of each (m,).
+    along
+        What the fitted parameters take of it, (m, p).
+    left, whole
+        Length of its derivative beside the fit, and of all of it, over the noise, (m,).
+    """
+
+    parameters: tuple[str, ...]
+    along: Floats
+    left: Floats
+    whole: Floats
+
+    @classmethod
+    def of(cls, jacobian: Floats, cofactor: Floats, columns: Mapping[str, Floats]) -> BesideFit:
+        """Return that of a fit.
+
+        Parameters
+        ----------
+        jacobian, cofactor
+            Derivative of the readings by what is fitted, over their noise, shape (n, p), and the
+            covariance of a fit, shape (p, p).
+        columns
+            Parameter of an effect ("id.name") → derivative of the readings by it, over their noise.
+            They are asked for in order, a few at a time.
+        """
+        gram, names = jacobian.T @ jacobian, list(columns)
+        along, left, whole = [np.zeros((0, len(gram)))], [np.zeros(0)], [np.zeros(0)]
+        for first in range(0, len(names), AT_ONCE):
+            x = np.stack([columns[name] for name in names[first : first + AT_ONCE]])
+            products = x @ jacobian
+            own = products @ cofactor.T
+            square = np.einsum("ij,ij->i", x, x)
+            rest = square + np.einsum("ij,ij->i", own @ gram - 2.0 * products, own)
+            along.append(own)
+            left.append(np.sqrt(np.maximum(rest, 0.0)))
+            whole.append(np.sqrt(np.maximum(square, 0.0)))
+        parts = along, left, whole
+        return cls(tuple(names), *(np.concatenate(part) for part in parts))
+
+
 def unnoticed(
-    jacobian: Floats,
-    cofactor: Floats,
+    beside: BesideFit,
     names: Sequence[str],
-    columns: Mapping[str, Floats],
     std: Mapping[str, float],
     absorbed: float,
     noticed: float = NOTICED,
@@ -33,13 +81,10 @@ def unnoticed(
 
     Parameters
     ----------
-    jacobian, cofactor
-        Derivative of the readings by what is fitted, over their noise, shape (n, p), and the
-        covariance of a fit, shape (p, p).
+    beside
+        The effects beside a fit.
     names
         Of what is fitted (p,).
-    columns
-        Parameter of an effect ("id.name") → derivative of the readings by it, over their noise.
     std
         Standard errors of the location errors.
     absorbed
@@ -59,24 +104,22 @@ def unnoticed(
         return {}
     least = np.array([max(std[names[i]], ROUNDING) for i in known])
     found: dict[str, tuple[float, str, float, str]] = {}
-    for some, along, left, whole in _beside(jacobian, cofactor, columns):
-        assumed = [ASSUMED_SIZE.get(unit_of(parameter), 1.0) for parameter in some]
-        sizes = np.minimum(noticed / np.maximum(left, TINY), assumed)
-        ratio = np.abs(along[:, known]) * sizes[:, None] / least
-        most = np.max(ratio, axis=1)
-        for i in np.flatnonzero((left > absorbed * whole) & (most > MORE * MIN_SHIFT)).tolist():
-            effect, name = some[i].split(".", 1)
-            if effect not in without and most[i] > MORE * found.get(effect, (MIN_SHIFT,))[0]:
-                size = float(sizes[i])
-                shifts = {names[k]: float(along[i, k]) * size for k in known}
-                moved = shifts_in_words(
-                    shifts, dict(zip(shifts, ratio[i].tolist(), strict=True)), 2
-                )
-                found[effect] = float(most[i]), name, size, moved
+    assumed = [ASSUMED_SIZE.get(unit_of(parameter), 1.0) for parameter in beside.parameters]
+    sizes = np.minimum(noticed / np.maximum(beside.left, TINY), assumed)
+    ratio = np.abs(beside.along[:, known]) * sizes[:, None] / least
+    most = np.max(ratio, axis=1)
+    shown = (beside.left > absorbed * beside.whole) & (most > MORE * MIN_SHIFT)
+    for i in np.flatnonzero(shown).tolist():
+        effect, name = beside.parameters[i].split(".", 1)
+        if effect not in without and most[i] > MORE * found.get(effect, (MIN_SHIFT,))[0]:
+            size = float(sizes[i])
+            shifts = {names[k]: float(beside.along[i, k]) * size for k in known}
+            ratios = dict(zip(shifts, ratio[i].tolist(), strict=True))
+            found[effect] = float(most[i]), name, size, shifts_in_words(shifts, ratios, 2)
     out = {}
     for effect in sorted(found, key=lambda k: -found[k][0])[:MAX_STATED]:
         _, name, size, moved = found[effect]
-        what = "it" if sum(k.startswith(f"{effect}.") for k in columns) == 1 else name
+        what = "it" if sum(k.startswith(f"{effect}.") for k in beside.parameters) == 1 else name
         amount = f"{size:.2g} {unit_of(name)} of {what}"
         out[effect] = f"{amount} can stay unnoticed and would shift {moved}"
     return out
@@ -89,43 +132,21 @@ def noticed_with(dof: float) -> float:
     return -float(special.stdtrit(dof, float(special.ndtr(-NOTICED))))
 
 
-def unnoticed_if_large(
-    jacobian: Floats,
-    cofactor: Floats,
-    columns: Mapping[str, Floats],
-    absorbed: float,
-    noticed: float,
-) -> tuple[str, ...]:
+def unnoticed_if_large(beside: BesideFit, absorbed: float, noticed: float) -> tuple[str, ...]:
     """Return the effects that would stay unnoticed even if they were large.
 
     Arguments as of :func:`unnoticed`. None of the parameters of such an effect is noticed at
     :data:`LARGE` times its assumed size.
     """
     seen: dict[str, bool] = {}
-    for some, _, left, whole in _beside(jacobian, cofactor, columns):
-        largest = np.array([large(unit_of(parameter)) for parameter in some])
-        shown = (left > absorbed * whole) & (left * largest >= noticed)
-        for parameter, one in zip(some, shown.tolist(), strict=True):
-            effect = parameter.split(".", 1)[0]
-            seen[effect] = one or seen.get(effect, False)
+    largest = np.array([large(unit_of(parameter)) for parameter in beside.parameters])
+    shown = (beside.left > absorbed * beside.whole) & (beside.left * largest >= noticed)
+    for parameter, one in zip(beside.parameters, shown.tolist(), strict=True):
+        effect = parameter.split(".", 1)[0]
+        seen[effect] = one or seen.get(effect, False)
     return tuple(effect for effect, noticed in seen.items() if not noticed)
 
 
 def large(unit: str) -> float:
     """Return the size at which an effect of this unit is large."""
     return LARGE * ASSUMED_SIZE.get(unit, 1.0)
-
-
-def _beside(
-    jacobian: Floats, cofactor: Floats, columns: Mapping[str, Floats]
-) -> Iterator[tuple[list[str], Floats, Floats, Floats]]:
-    """Some columns' names, what the fit makes of each (m, p), lengths of what is left, of all."""
-    gram, names = jacobian.T @ jacobian, list(columns)
-    for first in range(0, len(names), AT_ONCE):
-        some = names[first : first + AT_ONCE]
-        x = np.stack([columns[name] for name in some])
-        products = x @ jacobian
-        along = products @ cofactor.T
-        whole = np.einsum("ij,ij->i", x, x)
-        left = whole + np.einsum("ij,ij->i", along @ gram - 2.0 * products, along)
-        yield some, along, np.sqrt(np.maximum(left, 0.0)), np.sqrt(np.maximum(whole, 0.0))

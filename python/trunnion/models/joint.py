@@ -31,7 +31,7 @@ from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.effect import Effect, EffectValues, Parameter, Values
 from trunnion.diagnosis.model import Covariate, Model, Nuisance, Uncertainty
-from trunnion.diagnosis.of_some import OfSome
+from trunnion.diagnosis.of_some import OfSome, Orthonormal
 from trunnion.diagnosis.one_effect import OneEffect
 from trunnion.diagnosis.scan import Dictionary
 from trunnion.diagnosis.whitening import Whiten, Whiteners
@@ -45,10 +45,12 @@ from trunnion.models.parts import (
     Part,
     are_alike,
     fields_of,
+    fitted_alone,
     joined_components,
     joined_covariates,
     joined_dictionary,
     joined_labels,
+    joined_noise,
     joined_readings,
     places_of,
     with_odds,
@@ -84,21 +86,9 @@ class JointModel(Model):
         ends = np.cumsum([0, *(len(p.model.readings) for p in parts)])
         self._at = [slice(int(a), int(b)) for a, b in pairwise(ends)]
         self.readings = joined_readings(self.parts)
-        self.known_noise = self._noise()
+        self.known_noise = joined_noise(self.parts, self._at)
         self._join_nuisance()
         self._join_effects(before)
-
-    # --- what is joined
-
-    def _noise(self) -> Whiteners:
-        """Each part by the noise that is left of it alone.
-
-        Exact readings beside others leave nothing: all of them together do not say what noise is.
-        """
-        exact = [part.exact for part in self.parts]
-        own = tuple(zip(self._at, (part.whiten for part in self.parts), strict=True))
-        apart = tuple(at for at, p in zip(self._at, self.parts, strict=True) if p.more_than_noise)
-        return Whiteners(own, known=any(exact) and not all(exact), apart=apart)
 
     def _join_nuisance(self) -> None:
         joined: dict[str, Nuisance] = {}
@@ -116,6 +106,7 @@ class JointModel(Model):
         self.nuisance = tuple(joined.values())
         self._start = np.array(start)
         self._index = index
+        self._fitted_alone = fitted_alone(index)
 
     def _join_effects(self, before: JointModel | None) -> None:
         self._acts: dict[str, list[Acts]] = {}
@@ -146,7 +137,11 @@ class JointModel(Model):
             self._acts[self.alike.id] = self.alike.acts(self._acts)
             made[self.alike.id] = self._scale_alike([made[id_] for id_ in self.alike.scales])
         further = self._of_several(made) if before is None else self._kept(before)
-        self.effects = with_odds((*made.values(), *further), self._acts, self.parts)
+        # Columns of the same readings one after the other: the engine works on them together.
+        every = [*made.values(), *further]
+        self._only = {effect.id: self._of_one_part(effect) for effect in every}
+        every.sort(key=lambda effect: self._only[effect.id])
+        self.effects = with_odds(every, self._acts, self.parts)
 
     def _scale_alike(self, scales: Sequence[Effect]) -> Effect:
         own = self._effect(self.alike.id, scales[0].parameters, self.alike.label, scales[0].owner)
@@ -360,13 +355,21 @@ class JointModel(Model):
 
     def white_piece(
         self, nuisance: Floats, effect: Effect, values: Sequence[Values], whiten: Whiten
-    ) -> Floats | OfSome:
+    ) -> Floats | OfSome | Orthonormal:
         """Return the same; what one part alone has, of its readings only."""
-        if isinstance(whiten, Whiteners) and len(self.readings) < MANY_ROWS:
-            some = list(self._white_of_parts(nuisance, effect, values, whiten))
-            if len(some) == 1:
-                return OfSome(some[0][1].transpose(0, 2, 1), some[0][0])
-        return self.white_columns(nuisance, effect, values, whiten)
+        if not isinstance(whiten, Whiteners) or len(self.readings) >= MANY_ROWS:
+            return self.white_columns(nuisance, effect, values, whiten)
+
+        def whole() -> OfSome:
+            ((at, columns),) = self._white_of_parts(nuisance, effect, values, whiten)
+            return OfSome(columns.transpose(0, 2, 1), at)
+
+        i, acting = self._only[effect.id], list(self._acting(effect))
+        if i < 0 or len(acting) > 1:
+            return self.white_columns(nuisance, effect, values, whiten)
+        known = acting and i in self._fitted_alone
+        made = self.parts[i].orthonormal(acting[0], values, whole, self._at[i]) if known else None
+        return whole() if made is None else made
 
     def _white_of_parts(
         self, nuisance: Floats, effect: Effect, values: Sequence[Values], whiten: Whiteners
@@ -381,6 +384,13 @@ class JointModel(Model):
             alike = acts.effect.parameters is effect.parameters  # columns do not hang on sizes
             places = values if alike else [acts.values(one) for one in values]
             yield self._at[acts.part], part.white_columns(at, acts, places)
+
+    def _of_one_part(self, effect: Effect) -> int:
+        """The part that an effect or a change acts on; -1: several of them."""
+        some = {acts.part for acts in self._acting(effect)}
+        if (change := self._changes.get(effect.id)) is not None and change.error:
+            some = {i for i in range(len(self.parts)) if self._concerns(i, change)}
+        return some.pop() if len(some) == 1 else -1
 
     def _acting(self, effect: Effect) -> Iterator[Acts]:
         """How an effect, or the change of one, acts on each part that it concerns."""

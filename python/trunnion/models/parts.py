@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -12,9 +12,11 @@ import numpy as np
 
 from trunnion.base.resolution import Grid
 from trunnion.base.units import Floats, Integers
+from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.effect import Effect, EffectValues, Values
 from trunnion.diagnosis.linearised import Linearised
 from trunnion.diagnosis.model import Covariate, Model, Readings
+from trunnion.diagnosis.of_some import OfSome, Orthonormal
 from trunnion.diagnosis.records import units_of
 from trunnion.diagnosis.scan import Dictionary
 from trunnion.diagnosis.whitening import Scaled, Whiten, Whiteners
@@ -88,6 +90,8 @@ class Part:
         Structure without a name that its own diagnosis looked for.
     candidates
         Count of those that a cause is one of in its own diagnosis; 0: all of its model.
+    columns
+        Those of ``linearised``, beside what is always fitted of this measurement.
     """
 
     name: str
@@ -101,6 +105,7 @@ class Part:
     linearised: Linearised | None = None
     terms: Dictionary | None = None
     candidates: float = 0.0
+    columns: Candidates | None = None
     _predicted: dict[tuple[object, ...], Floats] = field(default_factory=dict, repr=False)
 
     @property
@@ -120,6 +125,30 @@ class Part:
             made = self.model.white_columns(nuisance, own, values, self.whiten.whiten)
         return np.asarray(made.transpose(0, 2, 1) * (acts.sign / self.whiten.size))
 
+    def orthonormal(
+        self, acts: Acts, values: Sequence[Values], whole: Callable[[], OfSome], at: slice
+    ) -> Orthonormal | None:
+        """Return columns of its own diagnosis of an effect that acts here; None: it has none.
+
+        ``values``: some of the effect, in order; ``whole``: makes its white columns; ``at``: its
+        readings.
+        """
+        j = self._numbers.get(acts.effect.id)
+        if self.columns is None or self.linearised is None or j is None:
+            return None
+        every = self.linearised.values[j]
+        first = every.index(values[0]) if values[0] in every else 0
+        some = slice(first, first + len(values))
+        made = self.columns.orthonormal(j, some) if every[some] == values else None
+        if made is None:
+            return None
+        return Orthonormal(made[0] if acts.sign > 0 else -made[0], made[1], at, whole)
+
+    @cached_property
+    def _numbers(self) -> dict[str, int]:
+        known = () if self.linearised is None else self.linearised.model.effects
+        return {effect.id: j for j, effect in enumerate(known)}
+
     @cached_property
     def dictionary(self) -> Dictionary:
         """Structure without a name in its readings: of its own diagnosis, if that had these."""
@@ -134,6 +163,23 @@ class Part:
                 del self._predicted[next(iter(self._predicted))]
             self._predicted[key] = np.asarray(self.model.predict(nuisance, effects))
         return self._predicted[key]
+
+
+def joined_noise(parts: Sequence[Part], at: Sequence[slice]) -> Whiteners:
+    """Each part by the noise that is left of it alone.
+
+    Exact readings beside others leave nothing: all of them together do not say what noise is.
+    """
+    exact = [part.exact for part in parts]
+    own = tuple(zip(at, (part.whiten for part in parts), strict=True))
+    apart = tuple(some for some, p in zip(at, parts, strict=True) if p.more_than_noise)
+    return Whiteners(own, known=any(exact) and not all(exact), apart=apart)
+
+
+def fitted_alone(index: Sequence[Integers]) -> list[int]:
+    """Parts of which all that is always fitted is theirs alone, of the numbers of that in each."""
+    count = np.bincount(np.concatenate(index))
+    return [i for i, own in enumerate(index) if np.all(count[own] == 1)]
 
 
 def joined_readings(parts: Sequence[Part]) -> Readings:

@@ -96,9 +96,21 @@ class Measured:
             known = None
         exact, more = self.alone.exact, share < 1 or self.alone.unexplained is not None
         terms = self.alone.dictionary
-        count = self.alone.candidates
-        rows = rows + start
-        return Part(name, self.kind, model, rows, whiten, exact, more, grid, known, terms, count)
+        count, columns = self.alone.candidates, None if known is None else self.alone.columns
+        return Part(
+            name,
+            self.kind,
+            model,
+            rows + start,
+            whiten,
+            exact,
+            more,
+            grid,
+            known,
+            terms,
+            count,
+            columns,
+        )
 
     def _noise(self, model: Model, assumed: float) -> tuple[Scaled, Grid | None, float]:
         """Return what makes the noise of the used readings white, of size 1, and their steps.

@@ -19,7 +19,7 @@ from trunnion.data.touches import Touches
 from trunnion.files.columns import LARGEST, SMALLEST
 from trunnion.machine.effects import PLACEMENT, split_effects
 from trunnion.machine.estimate import Combinations, bias_in_words, in_words, named_combination
-from trunnion.machine.unnoticed import unnoticed
+from trunnion.machine.unnoticed import BesideFit, unnoticed
 from trunnion.probing.design import missing_positions
 from trunnion.probing.inputs import certificate
 from trunnion.probing.model import TouchModel, catalogue, known_sigma_um
@@ -328,15 +328,8 @@ def _unnoticed(
         if all(p.kind == "linear" for p in entry.parameters):
             names = (f"{entry.id}.{p.name}" for p in entry.parameters)
             single |= dict(zip(names, columns[entry.id].T / sigma, strict=True))
-    return unnoticed(
-        plain / sigma,
-        found.cofactor,
-        model.unknown_names,
-        single,
-        std,
-        MIN_SHARE_LEFT,
-        without=without,
-    )
+    beside = BesideFit.of(plain / sigma, found.cofactor, single)
+    return unnoticed(beside, model.unknown_names, std, MIN_SHARE_LEFT, without=without)
 
 
 def dependent_sets(columns: dict[str, Floats]) -> tuple[frozenset[str], ...]:
