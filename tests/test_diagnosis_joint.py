@@ -213,3 +213,12 @@ def test_columns_taken_over_from_the_parts_are_those_made_anew() -> None:
     assert found.alternatives == again.alternatives
     assert found.named == again.named >= {"scale_x"}
     assert found.none_probability == pytest.approx(again.none_probability, abs=0.002)
+
+
+@pytest.mark.parametrize("given", ["touches.csv", Path("touches.csv"), None, 3.0])
+def test_what_is_no_data_is_refused_by_its_place_in_the_list(given: object) -> None:
+    table = tn.read(tn.sample_path("plate/first.csv"))
+    with pytest.raises(tn.InputError, match=r"^data\[1\]: got ") as caught:
+        tn.diagnose([table, given])
+    a_file = "(trunnion.read reads a file)" in str(caught.value)
+    assert a_file == (not isinstance(given, float) and given is not None)

@@ -1,6 +1,7 @@
 """Views in space: what is drawn is where it is, at the scale that is stated."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -254,3 +255,9 @@ def test_arrows_of_residuals_stand_outside_the_body_and_an_outlier_hides_none() 
     assert lengths[0] == lengths.max()
     assert lengths[0] / sizes[0] < 0.1 * lengths[1] / sizes[1]  # cut, and the others are seen
     assert "1 beyond" in figure.layout.title.text
+
+
+def test_a_diagnosis_without_its_data_has_no_view() -> None:
+    found = replace(tn.diagnose(tn.read(tn.sample_path("plate/first.csv"))), data=None)
+    with pytest.raises(tn.InputError, match=r"without its data .*diagnose the data again"):
+        found.scene()

@@ -9,6 +9,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
+from os import PathLike
 from pkgutil import resolve_name
 from typing import Any, TypeAlias, cast
 
@@ -256,8 +257,14 @@ def _built(data: Any, setup: Any, effects: Sequence[EffectLike | str] = ()) -> M
                 return cast(Model, resolve_name(kind.build)(data, setup, effects))
     if all(hasattr(data, name) for name in ("readings", "nuisance", "effects", "predict")):
         return cast(Model, data)
+    raise InputError(_no_data("data", data))
+
+
+def _no_data(name: str, given: Any) -> str:
+    """Say that what was given is no kind of data."""
     known = ", ".join(sorted(kind.data.split(":")[1] for kind in _KINDS))
-    raise InputError(f"data: got {type(data).__name__}, expected {known}, or a diagnosis model")
+    read = " (trunnion.read reads a file)" if isinstance(given, str | PathLike) else ""
+    return f"{name}: got {type(given).__name__}, expected {known}, or a diagnosis model{read}"
 
 
 @checked
@@ -406,13 +413,15 @@ def _of_several(data: Sequence[Any], setup: Any, effects: Sequence[EffectLike | 
 
 
 def _check_several(data: Sequence[Any]) -> None:
-    """Refuse lists within the list, which would pass as models, and a list of less than two."""
+    """Refuse what is no data, lists within the list among it, and a list of less than two."""
     for i, one in enumerate(data):
         if isinstance(one, list | tuple):
             raise InputError(
                 f"data[{i}]: got a {type(one).__name__} of {len(one)}, expected a measurement or a "
                 "diagnosis model: give all of them in one list"
             )
+        if one is None or isinstance(one, str | PathLike | int | float):
+            raise InputError(_no_data(f"data[{i}]", one))
     if len(data) < 2:
         raise InputError(f"data: got {len(data)} measurements in a list, expected at least two")
 

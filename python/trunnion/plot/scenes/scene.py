@@ -94,6 +94,11 @@ def _diagnosed(d: Diagnosis, context: tuple[Any, ...], options: dict[str, Any]) 
             f"scene: got a diagnosis of {len(d.data)} measurements together, expected a diagnosis "
             "of one of them: each has a place of its own in space"
         )
+    if d.data is None:
+        raise InputError(
+            "scene of a diagnosis: got one without its data (a record that was saved has none), "
+            "expected one made of a measurement: diagnose the data again"
+        )
     if not isinstance(d.data, Touches) or d.residuals is None:
         return scene(d.data, *context, **options)
     record = d.residuals
