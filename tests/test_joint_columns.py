@@ -119,6 +119,24 @@ def test_columns_of_the_measurements_are_those_of_the_joint_diagnosis(
     assert one.gains(drawn_left) == pytest.approx(other.gains(drawn_left), rel=1e-6, abs=1e-9)
 
 
+def test_columns_are_made_anew_where_other_directions_are_fitted() -> None:
+    rng = np.random.default_rng(44)
+    n, at = 40, slice(10, 30)
+    whole = np.zeros((2, n, 1))
+    whole[:, at] = rng.normal(size=(2, 20, 1))
+    fitted = np.zeros((n, 2))
+    fitted[at] = np.linalg.qr(rng.normal(size=(20, 2)))[0]
+    alone = Candidates.of_pieces([(0, whole[:, at])], 1, 2 * n, fitted[at])
+    known = alone.orthonormal(0, slice(None))
+    assert known is not None
+    piece = Orthonormal(*known, at, alone.fitted, lambda: OfSome(whole[:, at], at))
+    r = rng.normal(size=(n, 3))
+    for basis, holds in ((fitted, True), (fitted[:, :1], False)):
+        assert piece.holds(basis) is holds
+        one, other = (Candidates.of_pieces([(0, x)], 1, 2 * n, basis) for x in (piece, whole))
+        assert np.allclose(one.gains(r), other.gains(r), rtol=1e-9)
+
+
 def test_columns_of_fewer_readings_are_made_anew() -> None:
     model = joint(("points", "diameters"), 0, own=True)
     pieces = [x for _, x in case_of(model).linearised.pieces() if isinstance(x, Orthonormal)]

@@ -301,6 +301,11 @@ class Candidates:
             columns.append(part[start[own[0]] - before : start[own[-1]] + rank[own[-1]] - before])
         return np.concatenate(columns) if len(columns) != 2 else columns[1], rank[every]
 
+    @property
+    def fitted(self) -> int:
+        """In how many directions the readings are fitted beside any candidate."""
+        return int(self._basis.shape[1])
+
     def makes_any(self, polynomials: Floats, basis: Floats) -> bool:
         """Whether one candidate is any smooth function of a quantity: a curve along an axis, say.
 

@@ -309,9 +309,10 @@ def unit_blocks(
     """Put orthonormal columns of each block beside the basis on a shelf; their rank and start."""
     first = variants[0]
     if isinstance(first, Orthonormal):
-        joined, rank = Orthonormal.joined(
-            [v for v in variants if isinstance(v, Orthonormal)], basis
-        )
+        made = [v for v in variants if isinstance(v, Orthonormal)]
+        if not first.holds(basis):
+            return unit_blocks([v.whole() for v in made], basis, kind, shelf)
+        joined, rank = Orthonormal.joined(made, basis)
         shelf.add(joined)
         return rank, np.concatenate([[0], np.cumsum(rank)[:-1]]).astype(np.intp)
     if isinstance(first, OfSome):

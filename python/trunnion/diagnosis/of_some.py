@@ -12,6 +12,8 @@ import numpy as np
 from trunnion.base.rows import product_of_seen
 from trunnion.base.units import Floats, Integers
 
+ROUNDING = 1e-6  # of a count of directions, from squares of many numbers
+
 
 @dataclass(frozen=True, eq=False)
 class OfSome:
@@ -39,12 +41,14 @@ class Orthonormal:
     Nothing of that is fitted in other readings, too: beside what is fitted in all they stay so.
 
     own: One a row, of all variants (M, m). rank: How many are of each (v,). at: The readings.
-    whole: Makes the columns of the variants as they were.
+    fitted: In how many directions these are fitted. whole: Makes the columns of the variants as
+    they were.
     """
 
     own: Floats
     rank: Integers
     at: slice
+    fitted: int
     whole: Callable[[], OfSome]
 
     def __len__(self) -> int:
@@ -54,6 +58,10 @@ class Orthonormal:
     def rows(self, some: Integers | slice) -> "Orthonormal | OfSome":
         """Return columns of some of the rows, in order: those of all are orthonormal."""
         return self if isinstance(some, slice) else self.whole().rows(some)
+
+    def holds(self, basis: Floats) -> bool:
+        """Whether a basis of what is fitted in all readings (n, p) has just the directions here."""
+        return abs(float(np.sum(basis[self.at] ** 2)) - self.fitted) < ROUNDING
 
     @staticmethod
     def joined(made: "list[Orthonormal]", basis: Floats) -> "tuple[Beside, Integers]":

@@ -142,7 +142,8 @@ class Part:
         made = self.columns.orthonormal(j, some) if every[some] == values else None
         if made is None:
             return None
-        return Orthonormal(made[0] if acts.sign > 0 else -made[0], made[1], at, whole)
+        own = made[0] if acts.sign > 0 else -made[0]
+        return Orthonormal(own, made[1], at, self.columns.fitted, whole)
 
     @cached_property
     def _numbers(self) -> dict[str, int]:
