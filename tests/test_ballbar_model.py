@@ -35,7 +35,7 @@ def circle(step: float = 2.0, radius: float = 100.0) -> tn.Ballbar:
 
 
 def test_signs_on_a_circle() -> None:
-    model = tn.BallbarModel(circle())
+    model = tn.BallbarModel(circle(), at_reversals=True)
     effects = {e.id: e for e in model.effects}
     data, bar = model.data, model.bar
 
@@ -147,7 +147,7 @@ def test_command_line(tmp_path: Path) -> None:
 
 def with_backlash() -> tn.Ballbar:
     """Both circles with 4 µm of backlash of X and 0.3 µm of noise."""
-    model = tn.BallbarModel(circle())
+    model = tn.BallbarModel(circle(), at_reversals=True)
     backlash = {e.id: e for e in model.effects}["backlash_x"]
     lost = np.asarray(backlash.change({"b_um": 4.0}))
     noise = np.random.default_rng(3).normal(0, 0.3, len(lost))
@@ -172,8 +172,8 @@ def test_without_the_sense_a_way_back_on_the_same_circle_is_a_run_of_its_own(
 def test_a_place_where_the_machine_stood_takes_no_travel_away() -> None:
     data = with_backlash()
     twice = data[np.sort(np.append(np.arange(len(data)), [40, 40, 260]))]
-    path = tn.BallbarModel(twice).path
-    plain = tn.BallbarModel(data).path
+    path = tn.BallbarModel(twice, at_reversals=True).path
+    plain = tn.BallbarModel(data, at_reversals=True).path
     x = given(data.x_mm)
     assert np.count_nonzero(plain.travel(x)) > 350
     once = np.unique(given(twice.time_s), return_index=True)[1]

@@ -22,7 +22,8 @@ from trunnion.diagnosis.effect import Parameter
 from trunnion.diagnosis.linear_model import LinearModel
 from trunnion.diagnosis.model import Covariate, Nuisance, Readings
 from trunnion.diagnosis.own_effects import as_effect
-from trunnion.diagnosis.selection import cost, search
+from trunnion.diagnosis.scorer import cost
+from trunnion.diagnosis.selection import search
 from trunnion.machine.effects import Owner
 
 mpl.use("Agg")

@@ -88,7 +88,7 @@ def test_a_measurement_given_twice_counts_once_and_is_said() -> None:
     beside = tn.diagnose([one, other, later[: len(later) // 2]])
     assert "Measurement 3 is left out: measurement 1 has" in beside.notes[0]
     assert beside.causes == tn.diagnose([one, other]).causes
-    assert not any("left out" in note for note in tn.diagnose([one, other]).notes)
+    assert not any("Measurement" in note for note in tn.diagnose([one, other]).notes)
 
 
 def test_rows_pasted_into_one_of_several_measurements_are_said() -> None:

@@ -14,7 +14,7 @@ from trunnion.diagnosis.engine import leave
 from trunnion.diagnosis.of_some import OfSome, Orthonormal
 from trunnion.diagnosis.plain import case_of
 from trunnion.diagnosis.scan import Dictionary
-from trunnion.diagnosis.selection import cost
+from trunnion.diagnosis.scorer import cost
 from trunnion.models import kinds
 from trunnion.models.joint import JointModel
 from trunnion.models.kinds import model_of

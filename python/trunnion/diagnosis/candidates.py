@@ -227,6 +227,12 @@ class Candidates:
         """Bits of the candidates that no set has that has all of ``mask``."""
         return reduce(or_, (pair & ~mask for pair in self.apart if pair & mask), 0)
 
+    def stands_for(self, j: int) -> tuple[int, ...]:
+        """Candidates of which no set has any beside this one, if each is one of one place."""
+        others = tuple((pair ^ 1 << j).bit_length() - 1 for pair in self.apart if pair >> j & 1)
+        found = {k for k in others if np.count_nonzero(self.owner == k) == 1}
+        return tuple(sorted(found)) if len(found) == len(others) else ()
+
     def _complete(
         self,
         basis: Floats,

@@ -25,7 +25,8 @@ from trunnion.diagnosis.candidates import NAMING_LEVEL
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Values
 from trunnion.diagnosis.fit import Fit, variant_columns
-from trunnion.diagnosis.selection import Search, cost
+from trunnion.diagnosis.scorer import cost
+from trunnion.diagnosis.selection import Search
 from trunnion.diagnosis.whitening import identity
 
 Blocks: TypeAlias = tuple[int, ...]

@@ -30,7 +30,8 @@ import numpy as np
 from trunnion.base.units import Floats
 from trunnion.diagnosis.candidates import NAMING_LEVEL, Candidates
 from trunnion.diagnosis.evidence import SIZES, Evidence
-from trunnion.diagnosis.selection import SCORE_DIGITS, TINY, Found, Search
+from trunnion.diagnosis.scorer import SCORE_DIGITS
+from trunnion.diagnosis.selection import TINY, Found, Search
 
 Members = frozenset[int]
 

@@ -22,21 +22,22 @@ The search is over sets, not one cause after the other: a beam keeps the best se
 then every cause of the best sets is tried against every other.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from itertools import chain, combinations
 
 import numpy as np
 
 from trunnion._core import CauseBlocks, CauseSet, sizes_of_sets
 from trunnion.base.resolution import NO_FLOOR, Floor
-from trunnion.base.units import Flags, Floats, Integers
+from trunnion.base.units import Flags, Floats
 from trunnion.diagnosis.candidates import Candidates
+from trunnion.diagnosis.scorer import SCORE_DIGITS, Scorer
 
 WITHIN = 6.0  # "within 6 of the best": a likelihood ratio of exp(3) = 20
 BEAM = 20
 REACH = 30.0  # above the best score, to which sets are weighed: a likelihood ratio of 3e6
-SCORE_DIGITS = 6
 SAME_SCORE = 1e-9
 MAX_CAUSES = 12
 EXCHANGES = 4
@@ -44,8 +45,6 @@ EXCHANGED_SETS = 4
 CANCELLING = 3.0  # times the residuals, that a contribution may be without costing much
 SETTLED = 12.0  # above the best score, to which sets are weighed by the size of contributions
 TINY = 1e-300
-BANNED = 1e100  # of a penalty, which is infinite for a cause that no set may have
-MAX_BEYOND = 0.9  # of the series of the penalty, where it does not converge
 
 
 @dataclass(frozen=True)
@@ -66,31 +65,6 @@ class _State:
     mask: int
     blocks: tuple[int, ...]
     core: CauseSet
-
-
-def cost(penalty: Floats | float, columns: Integers | int, dof: int) -> Floats:
-    """What m ln(RSS / RSS(S)) gains with the chance with which chi² gains the penalties."""
-    size = dof - np.asarray(columns) / 2 - 1.0
-    beyond = (columns - 2) * (np.minimum(penalty, BANNED) + columns + 2) / (24.0 * size**2)
-    return np.asarray(penalty * dof / size / (1.0 - np.minimum(beyond, MAX_BEYOND)))
-
-
-class _Scorer:
-    """-2 ln L of a set, penalised for its size."""
-
-    def __init__(self, dof: int, floor: Floor, least: float) -> None:
-        self.dof = dof
-        self.floor = floor
-        self.least = least  # of a sum of squares: rounding
-
-    def __call__(
-        self, rss: Floats | float, columns: Integers | int, penalty: Floats | float
-    ) -> Floats:
-        score = self.floor.deviance(np.maximum(rss, self.least), self.dof)
-        full = columns > self.dof - 2
-        score = score + cost(penalty, np.minimum(columns, self.dof - 2), self.dof)
-        # Sets that explain the same are ordered by the catalogue, not by rounding.
-        return np.where(full, np.inf, np.round(score, SCORE_DIGITS))
 
 
 def search(
@@ -155,7 +129,7 @@ class Search:
     def __init__(self, c: Candidates, r: Floats, floor: Floor, within: float) -> None:
         self.c, self.within = c, within
         rss = float(r @ r)
-        self.score = _Scorer(c.dof, floor, 1e-14 * rss)
+        self.score = Scorer(c.dof, floor, 1e-14 * rss)
         self.residual = c.products(r)
         self.core = self._core()
         self.empty = _State(0, (), self.core.empty(self.residual, rss))
@@ -253,17 +227,42 @@ class Search:
             near.sort(key=lambda f: f.score)
             fresh: list[_State] = []
             for f in near[:EXCHANGED_SETS]:
-                fewer = []
+                fewer = [self._noted(x) for x in self._split(f) if self._untried(x, tried)]
+                self.scores |= {one.mask: self.known[one.mask].score for one in fewer}
                 for leave in reversed(range(len(f.blocks))):  # what they begin with stays built
                     blocks = f.blocks[:leave] + f.blocks[leave + 1 :]
-                    mask = sum(self.bit(b) for b in blocks)
-                    if mask not in tried:
-                        tried.add(mask)
+                    if self._untried(blocks, tried):
                         fewer.append(self.built(blocks))
                 fresh += reversed(fewer)
             if not fresh:
                 break
             self.grow(fresh, 0)
+
+    def _untried(self, blocks: Sequence[int], tried: set[int]) -> bool:
+        """Whether a set was not tried, as it is from now on."""
+        mask = sum(self.bit(b) for b in blocks)
+        new = mask not in tried
+        tried.add(mask)
+        return new
+
+    def _split(self, f: Found) -> Iterator[tuple[int, ...]]:
+        """Sets with all the causes that one of a set stands for, without as many of its causes.
+
+        Or without fewer. One after the other they may explain less than what stands for all, beside
+        causes that make up for the differences.
+        """
+        for block in f.blocks:
+            every = self.c.stands_for(self.owner[block])
+            if len(every) < 2:
+                continue
+            own = tuple(self.owner.index(j) for j in every)
+            rest = [b for b in f.blocks if b != block and self.owner[b] not in every]
+            some = (combinations(rest, k) for k in range(len(every)))
+            for leave in chain.from_iterable(some):
+                blocks = (*(b for b in rest if b not in leave), *own)
+                mask = sum(self.bit(b) for b in blocks)
+                if not self.c.not_beside(mask) & mask:
+                    yield blocks
 
     def settle(self) -> None:
         """Add to the scores of the best sets what causes cost that cancel or contradict.

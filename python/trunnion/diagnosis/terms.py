@@ -12,7 +12,8 @@ from trunnion.diagnosis.columns import inners
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.functions import DEPENDENT
 from trunnion.diagnosis.scan import UNNAMED_TERM_PENALTY, Term
-from trunnion.diagnosis.selection import SCORE_DIGITS, WITHIN, Found
+from trunnion.diagnosis.scorer import SCORE_DIGITS
+from trunnion.diagnosis.selection import WITHIN, Found
 
 MAX_TERMS = 10
 MAX_SENTENCES = 3

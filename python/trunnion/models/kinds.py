@@ -398,11 +398,12 @@ def _of_several(data: Sequence[Any], setup: Any, effects: Sequence[EffectLike | 
         "(was it given twice?)."
         for i, of in again.items()
     )
-    own = [one for i, one in enumerate(tables) if i not in again]
+    numbers = [i for i in range(len(tables)) if i not in again]
+    own = [tables[i] for i in numbers]
     if len(own) == 1:
         found = _alone(own[0], setup, effects)
     else:
-        measured = _measured(own, setup, effects)
+        measured = _measured(own, setup, effects, numbers)
         model = _joint(measured, setup, effects)
         given = {"setup": setup, "candidates": tuple(effects)}
         found = joined(with_contradictions(diagnose_model(model), model), model, measured, given)
@@ -427,9 +428,12 @@ def _check_several(data: Sequence[Any]) -> None:
 
 
 def _measured(
-    data: Sequence[Any], setup: Any, effects: Sequence[EffectLike | str]
+    data: Sequence[Any],
+    setup: Any,
+    effects: Sequence[EffectLike | str],
+    numbers: Sequence[int] | None = None,
 ) -> list[Measured]:
-    """Diagnose each of several measurements alone."""
+    """Diagnose each of several measurements alone; ``numbers``: theirs in the list given."""
     _check_several(data)
     data = list(map(as_table, data))
     _refuse_other_frames(data)
@@ -439,11 +443,14 @@ def _measured(
             wanted = getattr(effect, "data", "")
             raise InputError(f"effect {effect.id!r}: got {got}, expected {wanted} among them")
     measured = []
-    for one in data:
+    for i, one in zip(numbers or range(len(data)), data, strict=True):
         try:
             measured.append(_one_of_several(one, setup, effects))
         except TrunnionError as error:
+            said = str(error)
             name_place(error, [one])
+            if str(error) == said:  # of no file
+                error.args = (f"measurement {i + 1}: {said}",)
             few = isinstance(one, Touches) and isinstance(error, TooFewReadingsError)
             if few and any(isinstance(m.data, Touches) for m in measured):
                 error.args = (f"{error}. {FOLLOWING}",)

@@ -72,6 +72,17 @@ def not_shared(data: Any, others: Sequence[Any]) -> tuple[str, ...]:
     )
 
 
+def supposed_alike(data: Sequence[Any]) -> tuple[str, ...]:
+    """Say of runs that are compared as dates that nothing says which axis they are of."""
+    stated = any(not isinstance(one, Positioning) or one.axis is not None for one in data)
+    if len(data) < 2 or stated:
+        return ()
+    return (
+        "positioning: there is no column axis: the runs are taken for those of one axis, one after "
+        "the other; axis says which each is of.",
+    )
+
+
 def _axis(data: Positioning) -> str | None:
     """Letter of the axis, small; None: it is not stated."""
     return None if data.axis is None else str(data.axis[0]).strip().lower()

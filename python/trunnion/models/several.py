@@ -11,6 +11,7 @@ import numpy as np
 from trunnion.base.resolution import Floor, Grid, Known
 from trunnion.base.units import Floats, Integers
 from trunnion.data.frame import frame_notes
+from trunnion.data.positioning import Positioning
 from trunnion.data.times import time_notes
 from trunnion.diagnosis.left import Left
 from trunnion.diagnosis.model import Model
@@ -25,7 +26,7 @@ from trunnion.files.table import Table
 from trunnion.models.changes import done_otherwise
 from trunnion.models.joint import JointModel
 from trunnion.models.parts import Part
-from trunnion.models.positioning import not_shared
+from trunnion.models.positioning import not_shared, supposed_alike
 
 MIN_NOISE = 1e-9  # of a white reading: exact data
 
@@ -206,6 +207,7 @@ def joined(
             [model.parts[i].name for i in some], [measured[i].data for i in some]
         )
     ]
+    notes += supposed_alike([one.data for one in measured if isinstance(one.data, Positioning)])
     for part, one in zip(model.parts, measured, strict=True):
         others = [each.data for each in measured if each is not one]
         shared = not_shared(one.data, others)

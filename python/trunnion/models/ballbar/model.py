@@ -31,7 +31,7 @@ from trunnion.hybrid.readings import (
 from trunnion.machine.estimate import Estimate
 from trunnion.machine.linear_axes import LinearMotion, Travel
 from trunnion.models.ballbar.effects import BAR_LENGTH, Bar, ballbar_length, drifts
-from trunnion.models.ballbar.machine import machine_of
+from trunnion.models.ballbar.machine import ThreeAxis, machine_of
 from trunnion.models.ballbar.path import AXES, Path
 from trunnion.models.ballbar.settings import BallbarSettings
 from trunnion.setup import Setup
@@ -59,6 +59,9 @@ class BallbarModel(Model):
         Further candidates: a user's own effects, or ids.
     travel
         Of X, Y and Z, about the middle of which guides are bent; None: that of the readings.
+    at_reversals
+        Whether readings where an axis stands still between two ways are used. Nobody knows on
+        which side of its play it stands there; a few are left out.
 
     Raises
     ------
@@ -82,6 +85,8 @@ class BallbarModel(Model):
         setup: Setup | None = None,
         effects: Sequence[EffectLike | str] = (),
         travel: Travel | None = None,
+        *,
+        at_reversals: bool = False,
     ) -> None:
         self.data = data
         self.setup = setup
@@ -89,14 +94,23 @@ class BallbarModel(Model):
         self.machine = machine_of(data, setup, self.settings)
         self.index, self.labels = setup_index(data)
         check_enough(self.index, self.labels)
-        tips = self.machine.tips
+        tips, lengths = self.machine.tips, np.asarray(data.length_mm)
         self.path = Path(data, tips, travel)
-        self._centres = start_centres(tips, data.length_mm, self.index)
+        self._centres = start_centres(tips, lengths, self.index)
         arms = tips - self._centres[self.index]
         reference = np.linalg.norm(arms, axis=1)
-        check_near(np.asarray(data.length_mm), reference)
+        check_near(lengths, reference)
         if not (reference > 1e-3).all():
             raise DataError("ball-bar: the commanded points coincide with the ball's centre")
+        rows = np.arange(len(data))
+        if not at_reversals and isinstance(self.machine, ThreeAxis):
+            rows = self.path.between_reversals()
+        if len(rows) < len(data):
+            data, lengths, tips = data[rows], lengths[rows], tips[rows]
+            arms, reference, self.index = arms[rows], reference[rows], self.index[rows]
+            self.machine = machine_of(data, setup, self.settings)
+            self.path = Path(data, tips, self.path.used)
+        self._used = data
         self.bar = arms / reference[:, None]
         reach = np.zeros((len(self.labels), 3))
         np.maximum.at(reach, self.index, np.abs(self.bar))
@@ -104,11 +118,11 @@ class BallbarModel(Model):
         self.reference_um = reference * 1e3
         sigma = self.settings.repeatability_um
         self.readings = Readings(
-            (data.length_mm - reference) * 1e3,
-            np.arange(len(data)),
+            (lengths - reference) * 1e3,
+            rows,
             "µm",
             np.full(len(data), sigma) if sigma > 0 else None,
-            recorded=(data.length_mm * 1e3,),
+            recorded=(lengths * 1e3,),
             least=FIRST_ORDER_NOISE_UM,
         )
         self.nuisance = self._nuisance()
@@ -129,14 +143,14 @@ class BallbarModel(Model):
     @cached_property
     def effects(self) -> tuple[Effect, ...]:  # type: ignore[override]
         """The catalogue, its grids with the values that are best here, and the user's own."""
-        return with_own(self._sharpened(self._catalogue()), self._given, self.data)
+        return with_own(self._sharpened(self._catalogue()), self._given, self._used)
 
     def _catalogue(self) -> list[Effect]:
         bar = Bar(self.bar, self._centres[self.index])
         out = self.machine.effects(self.path, bar) + drifts(self.path, bar)
         if self.settings.calibrated:
             several = sum(effect.id.startswith("scale_") for effect in out) > 1
-            out.append(ballbar_length(len(self.data), ALL_AXES if several else ""))
+            out.append(ballbar_length(len(self._used), ALL_AXES if several else ""))
         return out
 
     def instrument_size(self, effect: Effect) -> float | None:
@@ -246,7 +260,7 @@ class BallbarModel(Model):
     @property
     def covariates(self) -> tuple[Covariate, ...]:
         """Angle on the circle, place or joints, sense, run, feed, time or order."""
-        data = self.data
+        data = self._used
         out: list[Covariate] = []
         for i, j in ((0, 1), (1, 2), (0, 2)):
             flat = np.hypot(self.bar[:, i], self.bar[:, j]) > 0.999
@@ -274,7 +288,7 @@ class BallbarModel(Model):
     def components(self) -> Mapping[str, Floats]:
         """A displacement of the tool point along X, Y, Z, and the bar itself."""
         named = {AXES[a].upper(): self.bar[:, a] for a in self.path.moving}
-        return {**named, "the length": np.ones(len(self.data))}
+        return {**named, "the length": np.ones(len(self._used))}
 
     @property
     def groups(self) -> Integers:
@@ -298,19 +312,30 @@ class BallbarModel(Model):
     def replicates(self) -> Integers | None:
         """Readings at one command, in one set-up, in the same sense and at the same feed."""
         parts = [*np.round(self.machine.commands, 4).T, self.index.astype(float), self._senses()]
-        if self.data.feed_mm_min is not None:
-            parts.append(np.asarray(self.data.feed_mm_min))
+        if self._used.feed_mm_min is not None:
+            parts.append(np.asarray(self._used.feed_mm_min))
         return repeats(parts)
 
     def _senses(self) -> Floats:
-        if self.data.sense is not None:
-            return np.asarray(self.data.sense, dtype=float)
+        if self._used.sense is not None:
+            return np.asarray(self._used.sense, dtype=float)
         # Without the column: turn of the tangent about the bar.
         turn = np.cross(self.bar, self.path.tangent)
         largest = np.argmax(np.abs(turn), axis=1)
         return np.asarray(np.sign(np.take_along_axis(turn, largest[:, None], axis=1)[:, 0]))
 
     # --- what a user gets
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Say how many readings are left out at reversals."""
+        left_out = len(self.data) - len(self._used)
+        if not left_out:
+            return ()
+        return (
+            f"{left_out} of {len(self.data)} readings are left out, where an axis just "
+            "turns: on which side of its play it stands there is not known.",
+        )
 
     def bind(self, data: Any) -> BallbarModel:
         """Return the same model on other lengths."""
@@ -368,7 +393,7 @@ class ExtendedBallbarModel(Estimate):
         """Lengths that this machine gives on a plan, (n,); centres as the plan's lengths say."""
         linear = (m for m in self.motions.values() if isinstance(m, LinearMotion))
         measured = next((m.travel for m in linear), None)  # guides are bent about its middle
-        model = BallbarModel(plan, self.setup, travel=measured)
+        model = BallbarModel(plan, self.setup, travel=measured, at_reversals=True)
         start = model.start
         for k, nuisance in enumerate(model.nuisance):
             start[k] = self.errors.get(nuisance.name, 0.0)

@@ -18,6 +18,8 @@ STANDSTILL = 0.2
 #: Cosine between two steps below which the machine has turned back, where no sense is given.
 TURNS_BACK = -0.7
 MIN_TRAVEL_MM = 1e-3
+#: Share of a run's readings that may be left out as at reversals: of a coarse circle they are many.
+MAX_LEFT_OUT = 0.2
 
 
 class Path:
@@ -116,6 +118,20 @@ class Path:
                 least = STANDSTILL * float(np.max(np.abs(np.diff(rate[rows])), initial=0.0))
                 out[rows] = np.where(np.abs(rate[rows]) < least, 0.0, out[rows])
         return out
+
+    def between_reversals(self) -> Integers:
+        """Rows where no axis that travels both ways stands still between them, in order.
+
+        All rows of a run of which that would leave out more than `MAX_LEFT_OUT`.
+        """
+        still = np.zeros(len(self.tips), dtype=bool)
+        for axis in self.moving:
+            sign = self.travel(self.tips[:, axis])
+            if np.any(sign > 0) and np.any(sign < 0):
+                still |= sign == 0.0
+        for rows in self.each():
+            still[rows] &= np.count_nonzero(still[rows]) <= MAX_LEFT_OUT * len(rows)
+        return np.flatnonzero(~still)
 
     def since_reversal(self, sign: Floats) -> Floats:
         """Path (mm) since the sign last changed in the run; inf before the first change.
