@@ -1,5 +1,7 @@
 """A warm machine on a bar that is not calibrated: scales that are nearly, and not quite, alike."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -62,3 +64,14 @@ def test_an_error_says_in_which_measurement_it_is() -> None:
         tn.diagnose([one, other[:2]])
     with pytest.raises(tn.DataError, match=r"^measurement 3: targets: got 2"):
         tn.diagnose([one, one, other[:2]])
+
+
+def test_what_a_kind_says_of_an_axis_is_all_of_its_scale() -> None:
+    """Beside a scale of all axes it was the difference from it: 20 and 0 ppm of 60 and 40."""
+    rng = np.random.default_rng(1)
+    data = [bar(rng, (40, 60), 0.0), run(rng, "X", 40.0, 0.0), run(rng, "Y", 40.0, 5.0)]
+    found = tn.diagnose(data)
+    assert {"scale_xy", "ballbar:differs_scale_y"} <= found.named
+    said = re.search(r"scale_y is (\S+) ± \S+ ppm in ballbar, (\S+) ± ", found.unexplained or "")
+    assert said is not None
+    assert [float(x) for x in said.groups()] == pytest.approx([60.0, 40.0], abs=1.5)

@@ -159,7 +159,11 @@ def _said(found: Diagnosis, model: JointModel, name: str) -> Said:
     is_error = any(x.name == name for x in model.nuisance)
     own = list(by_kind.values())[is_error:]  # of an error the first kind has the shared value
     others = {i: v for i, v in found.effects.items() if i not in (*by_kind.values(), name)}
-    zero = {i: {p.name: 0.0 for p in model.effect(i).parameters} for i in own}
+    free = []
+    if name in model.alike.scales and others.pop(model.alike.id, None) is not None:
+        # What a kind says of an axis is all of its scale, not what it is beside that of all axes.
+        free = [i for i in model.alike.scales if i != name and i not in others]
+    zero = {i: {p.name: 0.0 for p in model.effect(i).parameters} for i in (*own, *free)}
     fitted = refit(model, {**others, **zero}, np.zeros(0, dtype=np.intp))
     shown = []
     for p in model.effect(own[0]).parameters:
