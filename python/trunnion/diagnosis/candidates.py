@@ -137,7 +137,7 @@ class Candidates:
         self._parts: tuple[Floats | Part, ...] = shelf.parts() or (np.zeros((0, n)),)
         self.owner, self.rank, self.start = map(np.concatenate, (owner, rank, start))
         self.variant = np.arange(len(self.owner)) - np.searchsorted(self.owner, self.owner)
-        self._made = self.owner, self.rank, self.start
+        self._made = self.owner, self.rank, self.start  # of rank 0, too
         self._keep(self.rank > 0)
 
     def beside(

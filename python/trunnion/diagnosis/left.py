@@ -21,7 +21,7 @@ from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.explain import LINEAR_ERROR
 from trunnion.diagnosis.explanation import Explanation
-from trunnion.diagnosis.fit import Fit
+from trunnion.diagnosis.fit import Fit, variant_columns
 from trunnion.diagnosis.in_steps import as_read
 from trunnion.diagnosis.linearised import Linearised
 from trunnion.diagnosis.noise import Whitener
@@ -91,8 +91,8 @@ def left_one_by_one(case: Case) -> Left | None:
     the causes change is proportional to their sizes.
     """
     plain, n = case.plain, len(case.rows)
-    sizes, whiten = sizes_of(case.whiten, n), case.whiten
-    stationary = isinstance(whiten, Whitener) and not (whiten.dependent or whiten.wandering)
+    sizes = sizes_of(case.whiten, n)
+    stationary = isinstance(case.whiten, Whitener) and not (case.dependent or case.wandering)
     if (sizes is None and not stationary) or case.exact(plain):
         return None
     causes = one_by_one(case.candidates, plain.white, floor=case.floor)
@@ -146,7 +146,7 @@ def _beside(case: Case, blocks: Sequence[int]) -> Floats | None:
     columns, acting = [plain.jacobian @ plain.directions.T], list[tuple[Effect, Values]]()
     for b in blocks:
         effect, values = case.effects[j := int(c.owner[b])], case.values[j][int(c.variant[b])]
-        columns.append(model.linear_columns(plain.nuisance, effect, [values])[0].T)
+        columns.append(variant_columns(model, effect, plain.nuisance, [values])[0])
         acting.append((effect, values))
     every = np.concatenate(columns, axis=1)
     sizes = np.linalg.lstsq(np.asarray(case.whiten(every)), plain.white, rcond=None)[0]

@@ -228,7 +228,9 @@ class Search:
             fresh: list[_State] = []
             for f in near[:EXCHANGED_SETS]:
                 fewer = [self._noted(x) for x in self._split(f) if self._untried(x, tried)]
-                self.scores |= {one.mask: self.known[one.mask].score for one in fewer}
+                for one in fewer:  # places of a set that were known may be better
+                    best = self.known[one.mask]
+                    self.scores[one.mask], self.made[one.mask] = best.score, best.blocks
                 for leave in reversed(range(len(f.blocks))):  # what they begin with stays built
                     blocks = f.blocks[:leave] + f.blocks[leave + 1 :]
                     if self._untried(blocks, tried):

@@ -74,8 +74,8 @@ def not_shared(data: Any, others: Sequence[Any]) -> tuple[str, ...]:
 
 def supposed_alike(data: Sequence[Any]) -> tuple[str, ...]:
     """Say of runs that are compared as dates that nothing says which axis they are of."""
-    stated = any(not isinstance(one, Positioning) or one.axis is not None for one in data)
-    if len(data) < 2 or stated:
+    runs = [one for one in data if isinstance(one, Positioning)]
+    if len(runs) < 2 or any(run.axis is not None for run in runs):
         return ()
     return (
         "positioning: there is no column axis: the runs are taken for those of one axis, one after "

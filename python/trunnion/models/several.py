@@ -11,7 +11,6 @@ import numpy as np
 from trunnion.base.resolution import Floor, Grid, Known
 from trunnion.base.units import Floats, Integers
 from trunnion.data.frame import frame_notes
-from trunnion.data.positioning import Positioning
 from trunnion.data.times import time_notes
 from trunnion.diagnosis.left import Left
 from trunnion.diagnosis.model import Model
@@ -207,7 +206,7 @@ def joined(
             [model.parts[i].name for i in some], [measured[i].data for i in some]
         )
     ]
-    notes += supposed_alike([one.data for one in measured if isinstance(one.data, Positioning)])
+    notes += supposed_alike([one.data for one in measured])
     for part, one in zip(model.parts, measured, strict=True):
         others = [each.data for each in measured if each is not one]
         shared = not_shared(one.data, others)

@@ -125,8 +125,8 @@ def _straightness(path: Path, bar: Bar, into: int, along: int) -> Effect:
 
 def _reversal(path: Path, bar: Bar, axis: int) -> list[Effect]:
     """Backlash and reversal spike of an axis that travels both ways."""
-    sign = path.travel(path.tips[:, axis])
-    if not (np.any(sign > 0) and np.any(sign < 0)):
+    sign = path.both_ways(axis)
+    if sign is None:
         return []
     label = f"backlash of the {AXES[axis].upper()} axis"
     column = -0.5 * sign * bar.direction[:, axis]

@@ -119,6 +119,11 @@ class Path:
                 out[rows] = np.where(np.abs(rate[rows]) < least, 0.0, out[rows])
         return out
 
+    def both_ways(self, axis: int) -> Floats | None:
+        """Sign of travel of X, Y or Z by its number; None: it travels one way only."""
+        sign = self.travel(self.tips[:, axis])
+        return sign if np.any(sign > 0) and np.any(sign < 0) else None
+
     def between_reversals(self) -> Integers:
         """Rows where no axis that travels both ways stands still between them, in order.
 
@@ -126,8 +131,8 @@ class Path:
         """
         still = np.zeros(len(self.tips), dtype=bool)
         for axis in self.moving:
-            sign = self.travel(self.tips[:, axis])
-            if np.any(sign > 0) and np.any(sign < 0):
+            sign = self.both_ways(axis)
+            if sign is not None:
                 still |= sign == 0.0
         for rows in self.each():
             still[rows] &= np.count_nonzero(still[rows]) <= MAX_LEFT_OUT * len(rows)
