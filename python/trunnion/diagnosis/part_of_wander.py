@@ -53,12 +53,16 @@ def _channels(case: Case) -> Iterable[list[Integers]]:
 
 
 def _gain(y: Floats, columns: Floats, at: Sequence[int], segments: Sequence[Integers]) -> float:
-    """Drop of -2 ln L of readings y by some of the columns (n, k), each beside its own wander."""
+    """Drop of -2 ln L of readings y by some of the columns (n, k), beside the wander without them.
+
+    A wander fitted beside a wave of a long pitch is smaller: with it the wave would be asked for.
+    """
     ends = np.cumsum([0, *map(len, segments)])
     own = [np.arange(first, last) for first, last in pairwise(ends)]
 
-    def left(q: Floats) -> float:
-        basis = np.linalg.qr(q[:, np.any(q != 0, axis=0)])[0]
-        return deviance(fit_wander(y, basis, own).noise, y, basis, own)
+    def basis(q: Floats) -> Floats:
+        return np.linalg.qr(q[:, np.any(q != 0, axis=0)])[0]
 
-    return left(np.delete(columns, at, axis=1)) - left(columns)
+    without = basis(np.delete(columns, at, axis=1))
+    noise = fit_wander(y, without, own).noise
+    return deviance(noise, y, without, own) - deviance(noise, y, basis(columns), own)
