@@ -19,6 +19,12 @@ from trunnion.setup import Artefact, Setup
 
 SETUP = Setup(artefact=Artefact("none"), servo=ct.Servo.paper().to_table())
 WAVES = ((1.7, 3.1), (2.6, 1.9), (3.6, 2.3), (2.2, 3.7))  # over each of two runs
+LONG_WAVES = (  # seed; count over each run, size of each in µm: a cyclic error makes a part of both
+    (14, (3.5, 2.4), (0.97, 0.52)),
+    (21, (3.7, 3.1), (0.5, 0.37)),
+    (33, (2.4, 2.2), (0.93, 0.41)),
+    (50, (3.5, 3.1), (0.53, 0.27)),
+)
 N = 60
 
 
@@ -126,6 +132,20 @@ def test_what_a_wander_hides_is_not_excluded(number: int) -> None:
     d = wandering(WAVES[number], number)
     (found,) = [a.probability for a in d.evidence if a.causes == {"gain_c"}]
     assert 0.75 < found < 0.97
+
+
+@pytest.mark.parametrize(("seed", "counts", "sizes"), LONG_WAVES)
+def test_a_wander_is_no_cyclic_error_of_a_long_pitch(
+    seed: int, counts: tuple[float, float], sizes: tuple[float, float]
+) -> None:
+    """What a wave explains is compared beside the wander without it, not a smaller one."""
+    commands = [twin.commanded(feed / 60) for feed in (1000, 3000)]
+    actual = [twin.actual(c, twin.Cases(1))[0] for c in commands]
+    for a, count, um in zip(actual, counts, sizes, strict=True):
+        a[:, 0] += um * 1e-3 * np.sin(2 * np.pi * count * np.linspace(0, 1, len(a)))
+    d = diagnose(twin.log(commands, actual, np.random.default_rng(seed)), SETUP)
+    assert d.verdict == "unexplained"
+    assert not d.named
 
 
 def test_a_sound_log_does_not_wander() -> None:

@@ -85,12 +85,13 @@ def _beside_others(case: Case, s: Search) -> dict[int, Values]:
         worst = min(s.best + WITHIN, float(s.score(rss - known, size, penalty)) - LOST)
         for top, most in zip(*along.peaks(), strict=True):
             worst = min(worst, scores.get(j, np.inf))
-            if s.score(rss - most, size, penalty) <= worst:
-                gain, place = along.best_about(top)
-                score = float(s.score(rss - gain, size, penalty))
-                # Beyond a grid nothing is supposed of it, unless nothing else explains as much.
-                if score <= (worst if along.on_grid(place) else min(worst, s.best - LOST)):
-                    found[j], scores[j] = along.values(place), score
+            if s.score(rss - most, size, penalty) > worst:
+                break  # the best come first
+            gain, place = along.best_about(top)
+            score = float(s.score(rss - gain, size, penalty))
+            # Beyond a grid nothing is supposed of it, unless nothing else explains as much.
+            if score <= (worst if along.on_grid(place) else min(worst, s.best - LOST)):
+                found[j], scores[j] = along.values(place), score
     return found
 
 

@@ -21,8 +21,8 @@ from trunnion.diagnosis.wander import deviance, fit_wander
 def part_of_wander(case: Case, f: Fit) -> set[int]:
     """Effect of a fit that is a part of a wander, the least demanded; none where all are demanded.
 
-    It makes more of the readings that wander than it explains, or a wander without it explains them
-    about as well. Asked of effects on nothing else: of others what is seen elsewhere counts.
+    It makes more of the readings that wander than it explains, or explains next to nothing beside
+    the wander without it. Asked of effects on nothing else: of others what is seen elsewhere counts.
     """
     margin: dict[int, float] = {}
     for segments in _channels(case):
