@@ -133,8 +133,17 @@ def test_labels_of_the_machine_are_those_of_their_ids_in_any_order() -> None:
         assert d.labels.get("squareness_xy", "squareness of Y to X") == "squareness of Y to X"
 
 
-def plate(rng: Rng, half_mm: float, middle_mm: float, curvature_um_m2: float) -> tn.Points:
-    """A grid of bores on a plate that lies somehow, on a machine whose X guide is an arc."""
+def plate(
+    rng: Rng,
+    half_mm: float,
+    middle_mm: float,
+    curvature_um_m2: float,
+    ppm: tuple[float, float] = (0.0, 0.0),
+) -> tn.Points:
+    """A grid of bores on a plate that lies somehow, on a machine whose X guide is an arc.
+
+    ppm: Scales of X and Y.
+    """
     step = np.linspace(-half_mm, half_mm, 9)
     x, y = (a.ravel() for a in np.meshgrid(step + middle_mm, step))
     radius = 1e9 / curvature_um_m2  # mm
@@ -144,9 +153,45 @@ def plate(rng: Rng, half_mm: float, middle_mm: float, curvature_um_m2: float) ->
     return tn.Points(
         nominal_x_mm=x,
         nominal_y_mm=y,
-        x_mm=x + dx - turn * y + noise[0],
-        y_mm=y + dy + turn * x + bent + noise[1],
+        x_mm=x * (1 + 1e-6 * ppm[0]) + dx - turn * y + noise[0],
+        y_mm=y * (1 + 1e-6 * ppm[1]) + dy + turn * x + bent + noise[1],
     )
+
+
+FLAT = 1e-9  # µm/m²
+
+
+@pytest.mark.parametrize("seed", [91, 92, 93])
+def test_a_run_by_a_wrong_instrument_gives_the_machine_no_scale(seed: int) -> None:
+    """A machine of just its scale and a part that grew by as much would do the same."""
+    rng = np.random.default_rng(seed)
+    bores = plate(rng, 150.0, 0.0, FLAT, (20.0, 0.0))
+    d = tn.diagnose([bores, stops(rng, "x", 45.0, 0.0)])
+    assert d.named == {"scale_x", "positioning:differs_scale_x"}
+    said = re.search(r"scale_x is (\S+) ± \S+ ppm in points, (\S+) ± ", d.unexplained or "")
+    assert said is not None
+    assert [float(x) for x in said.groups()] == pytest.approx([20.0, 45.0], abs=3.0)
+
+
+@pytest.mark.parametrize("seed", [94, 95, 96])
+def test_runs_by_one_wrong_instrument_are_wrong_alike(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    runs = [stops(rng, letter, 25.0, 0.0) for letter in "xy"]
+    d = tn.diagnose([plate(rng, 150.0, 0.0, FLAT), *runs])
+    assert d.named == {"positioning:differs_scale_xy"}
+    said = re.search(r"scale_xy is (\S+) ± \S+ ppm in points, (\S+) ± ", d.unexplained or "")
+    assert said is not None
+    values = [float(x.replace("−", "-")) for x in said.groups()]
+    assert values == pytest.approx([0.0, 25.0], abs=3.0)
+
+
+@pytest.mark.parametrize("seed", [97, 98, 99])
+def test_a_part_that_grew_is_no_wrong_instrument(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    runs = [stops(rng, letter, ppm, 0.0) for letter, ppm in (("x", 30.0), ("y", 12.0))]
+    d = tn.diagnose([plate(rng, 150.0, 0.0, FLAT, (10.0, -8.0)), *runs])
+    assert {"scale_x", "scale_y", "points:expansion"} <= d.named
+    assert not [cause for cause in d.named if "differs" in cause]
 
 
 @pytest.mark.parametrize("seed", [81, 82, 83])

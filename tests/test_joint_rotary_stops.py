@@ -112,7 +112,7 @@ def test_stops_of_which_the_sense_is_reversed_are_asked_about() -> None:
     first, setup = touches({"c_backlash": {"b_arcsec": 6.0}}, rng)
     right = stops(rng, -6.0)
     d = tn.diagnose([first, right.with_columns(direction=-right.direction)], setup)
-    assert "is a direction or a sense of approach reversed in one?" in str(d.unexplained)
+    assert "as of a direction or a sense of approach that is reversed" in str(d.unexplained)
 
 
 def test_angles_within_one_turn_are_refused_and_axes_of_other_names_are_said() -> None:

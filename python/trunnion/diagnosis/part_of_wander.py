@@ -22,7 +22,8 @@ def part_of_wander(case: Case, f: Fit) -> set[int]:
     """Effect of a fit that is a part of a wander, the least demanded; none where all are demanded.
 
     It makes more of the readings that wander than it explains, or explains next to nothing beside
-    the wander without it. Asked of effects on nothing else: of others what is seen elsewhere counts.
+    the wander without it. Asked of effects on nothing else: of others, what is seen elsewhere is
+    evidence.
     """
     margin: dict[int, float] = {}
     for segments in _channels(case):

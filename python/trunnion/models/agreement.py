@@ -23,11 +23,20 @@ if TYPE_CHECKING:
 LEVEL = 1e-8
 """At which "other in one measurement" is a candidate: no set that has the shared cause instead
 comes near one that has this, but for a difference that noise makes in less than 1 of 1000."""
+SCALE_OF_RUNS = 2e-6
+"""The same of a scale in positioning runs alone, beside measurements with a length of their own: a
+hundredth of what a cause among fifty has. Their instrument takes another temperature for the
+material; else a machine of just that scale and a part that grew by as much are named."""
+POSITIONING = "positioning"
+WITH_A_LENGTH = frozenset({"touches", "points", "diameters"})
+LINEAR_SCALES = frozenset({"scale_x", "scale_y", "scale_z"})
 MIN_SEEN = 1e-4
 """Of what all measurements see of a cause, squared over their noise: less tells no difference."""
 TINY = 1e-300
 APART = "the measurements contradict each other"
-OPPOSITE = ": the same with the other sign; is a direction or a sense of approach reversed in one?"
+OPPOSITE = (
+    ": the same with the other sign, as of a direction or a sense of approach that is reversed"
+)
 FAR = 4.0  # standard errors
 
 
@@ -44,16 +53,32 @@ def errors_apart(parts: Sequence[Part], index: Sequence[Integers]) -> Iterator[t
 
 
 def effects_apart(
-    parts: Sequence[Part], acting: Mapping[str, Sequence[tuple[int, Effect]]]
-) -> Iterator[tuple[str, str]]:
+    parts: Sequence[Part], acting: Mapping[str, Sequence[tuple[int, Effect]]], alike: str
+) -> Iterator[tuple[str, str, float]]:
     """Kinds of measurement, each with a shared effect that it may see otherwise than the others.
 
-    acting: Id → the parts that it acts on, by number, and what acts there.
+    With the level of this candidate. acting: Id → the parts that it acts on, by number, and what
+    acts there. alike: Id of the scale of all axes: other in an artefact or a bar, that is its size.
     """
+    of_runs = _scales_of_runs(parts, acting, alike)
     for name, acts in acting.items():
         if _of_several_kinds(parts, (i for i, _ in acts)):
             seen = [(parts[i].kind, _seen_of_effect(parts[i], own)) for i, own in acts]
-            yield from ((kind, name) for kind in _seeing(seen))
+            for kind in _seeing(seen):
+                if name in of_runs and kind == POSITIONING:
+                    yield kind, name, SCALE_OF_RUNS
+                elif name != alike:
+                    yield kind, name, LEVEL
+
+
+def _scales_of_runs(
+    parts: Sequence[Part], acting: Mapping[str, Sequence[tuple[int, Effect]]], alike: str
+) -> set[str]:
+    """Ids of the scales of which positioning runs may have one of their own."""
+    kinds = {name: {parts[i].kind for i, _ in acts} for name, acts in acting.items()}
+    of_axes = [name for name in kinds if name in LINEAR_SCALES and POSITIONING in kinds[name]]
+    some = [*of_axes, alike] if alike and len(of_axes) > 1 else of_axes
+    return {name for name in some if kinds[name] <= {POSITIONING, *WITH_A_LENGTH}}
 
 
 def _of_several_kinds(parts: Sequence[Part], some: Iterable[int]) -> bool:
@@ -158,17 +183,24 @@ def _said(found: Diagnosis, model: JointModel, name: str) -> Said:
     by_kind = {kind: i for i, (kind, of) in model.apart.items() if of == name}
     is_error = any(x.name == name for x in model.nuisance)
     own = list(by_kind.values())[is_error:]  # of an error the first kind has the shared value
+    shared = [name] if name == model.alike.id else []  # other than in runs it is the shared one
+    if shared:
+        lengths = sorted(WITH_A_LENGTH & {part.kind for part in model.parts})
+        by_kind = dict.fromkeys(lengths, name) | by_kind
     others = {i: v for i, v in found.effects.items() if i not in (*by_kind.values(), name)}
     free = []
     if name in model.alike.scales and others.pop(model.alike.id, None) is not None:
         # What a kind says of an axis is all of its scale, not what it is beside that of all axes.
         free = [i for i in model.alike.scales if i != name and i not in others]
-    zero = {i: {p.name: 0.0 for p in model.effect(i).parameters} for i in (*own, *free)}
+    zero = {i: {p.name: 0.0 for p in model.effect(i).parameters} for i in (*own, *shared, *free)}
     fitted = refit(model, {**others, **zero}, np.zeros(0, dtype=np.intp))
     shown = []
     for p in model.effect(own[0]).parameters:
         terms = {
-            kind: [*([name] if is_error else []), *([f"{i}.{p.name}"] if i in own else [])]
+            kind: [
+                *([name] if is_error else []),
+                *(f"{x}.{p.name}" for x in (*shared, *([i] if i in own else []))),
+            ]
             for kind, i in by_kind.items()
         }
         values = {kind: _sum(fitted, some) for kind, some in terms.items()}

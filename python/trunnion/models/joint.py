@@ -220,16 +220,15 @@ class JointModel(Model):
             x = self.nuisance[k]
             parameter = Parameter(f"differs_{UNIT_NAMES.get(x.unit, x.unit)}", x.unit)
             change = Change(kinds.index(kind), error=x.name)
-            yield self._difference(kind, change, (parameter,), x.name, x.owner)
+            yield self._difference(kind, change, (parameter,), x.name, x.owner, LEVEL)
         acting = {
             shared: [(a.part, a.effect) for a in acts]
             for shared, acts in self._acts.items()
             if made[shared].linear
-            and shared != self.alike.id  # other in those by one bar: that is its length
         }
-        for kind, shared in effects_apart(self.parts, acting):
-            change, effect = Change(kinds.index(kind), effect=shared), made[shared]
-            yield self._difference(kind, change, effect.parameters, effect.label, effect.owner)
+        for kind, shared, level in effects_apart(self.parts, acting, self.alike.id):
+            change, one = Change(kinds.index(kind), effect=shared), made[shared]
+            yield self._difference(kind, change, one.parameters, one.label, one.owner, level)
 
     def _difference(
         self,
@@ -238,13 +237,14 @@ class JointModel(Model):
         parameters: tuple[Parameter, ...],
         label: str,
         owner: Owner,
+        level: float,
     ) -> Effect:
         """Candidate that one kind sees an error or an effect otherwise."""
         name = change.error or change.effect
         id_ = f"{kind}:differs_{name}"
         self._changes[id_] = change
         self.apart[id_] = kind, name
-        return self._effect(id_, parameters, f"{label}, other in {kind}", owner, level=LEVEL)
+        return self._effect(id_, parameters, f"{label}, other in {kind}", owner, level=level)
 
     # --- the model
 
