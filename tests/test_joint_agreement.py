@@ -173,6 +173,17 @@ def test_a_run_by_a_wrong_instrument_gives_the_machine_no_scale(seed: int) -> No
     assert [float(x) for x in said.groups()] == pytest.approx([20.0, 45.0], abs=3.0)
 
 
+@pytest.mark.parametrize("seed", [101, 102, 103])
+def test_nor_does_it_beside_a_calibrated_bar(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    d = tn.diagnose([circle(rng, (0, 0), (0, 0), 0.0), stops(rng, "x", 25.0, 0.0)])
+    assert d.named == {"positioning:differs_scale_x"}
+    long = rng.normal(0.0, 8.0, 2) + 25.0
+    both = [stops(rng, letter, ppm, 0.0) for letter, ppm in zip("xy", long, strict=True)]
+    agree = tn.diagnose([circle(rng, tuple(long), (0, 0), 0.0), *both])
+    assert not [cause for cause in agree.named if "differs" in cause]
+
+
 @pytest.mark.parametrize("seed", [94, 95, 96])
 def test_runs_by_one_wrong_instrument_are_wrong_alike(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -26,9 +26,9 @@ comes near one that has this, but for a difference that noise makes in less than
 SCALE_OF_RUNS = 2e-6
 """The same of a scale in positioning runs alone, beside measurements with a length of their own: a
 hundredth of what a cause among fifty has. Their instrument takes another temperature for the
-material; else a machine of just that scale and a part that grew by as much are named."""
+material; else a machine of just that scale, and a part or a bar as much longer, are named."""
 POSITIONING = "positioning"
-WITH_A_LENGTH = frozenset({"touches", "points", "diameters"})
+WITH_A_LENGTH = frozenset({"touches", "points", "diameters", "ballbar"})
 LINEAR_SCALES = frozenset({"scale_x", "scale_y", "scale_z"})
 MIN_SEEN = 1e-4
 """Of what all measurements see of a cause, squared over their noise: less tells no difference."""
