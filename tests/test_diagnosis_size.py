@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 import trunnion as tn
 from power.measured_twin import make_sweep
 from trunnion.base.units import Floats
-from trunnion.diagnosis import candidates, classes, functions, linearised, scan
+from trunnion.diagnosis import candidates, classes, functions, jumps, linearised
 from trunnion.diagnosis import columns as kept
 from trunnion.diagnosis.effect import Effect, Parameter, Values, periodic
 from trunnion.diagnosis.fit import fit
@@ -189,7 +189,7 @@ def test_jumps_that_are_not_made_are_those_that_are(
     monkeypatch.setattr(functions, "AT_ONCE", 100)
     summed = Dictionary(model, rows, whiten)
     assert summed.terms == made.terms
-    assert sum(term.kind == "jump" for term in made.terms) > scan.JUMPS // 2
+    assert sum(term.kind == "jump" for term in made.terms) > jumps.JUMPS // 2
     basis = np.linalg.qr(rng.standard_normal((len(rows), 3)))[0]
     values = rng.standard_normal((len(rows), 2))
     values -= basis @ (basis.T @ values)

@@ -18,7 +18,8 @@ from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats, suffix_of
 from trunnion.diagnosis.effect import Effect, NamedValues, Parameter, gridded, linear, periodic
-from trunnion.diagnosis.scan import BESIDE_PLACE, TIMES_WIDTH, Term, beside, local, ordinal
+from trunnion.diagnosis.local_errors import BESIDE_PLACE, TIMES_WIDTH, beside, local
+from trunnion.diagnosis.scan import Term, ordinal
 from trunnion.machine.effects import Owner
 
 Shape = Literal["harmonic", "polynomial", "wave", "jump", "local", "class"]

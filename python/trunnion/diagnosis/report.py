@@ -16,6 +16,7 @@ from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.explain import MIN_EXPLAINED, with_behind
 from trunnion.diagnosis.explanation import Explanation
 from trunnion.diagnosis.fit import Fit, confounded, first_values, variant_columns
+from trunnion.diagnosis.formula import FormulaEffect
 from trunnion.diagnosis.in_steps import as_read
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.moments import moment_errors, other_optima
@@ -34,6 +35,7 @@ from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scatter import Scatter
 from trunnion.diagnosis.shape_in_time import notes_of_shape, shape_in_doubt
 from trunnion.diagnosis.structure import (
+    as_found,
     left_open,
     notes_of_structure,
     structure_of,
@@ -68,13 +70,13 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     ``case``: of all readings.
     """
     e = with_behind(e)
-    model, f, alternatives = case.model, e.fit, _alternatives(case, e)
+    model, alternatives = case.model, _alternatives(case, e)
     rows, kept = np.flatnonzero(kept_rows(len(model.readings), dropped)), case.without(dropped)
-    said = unexplained(kept, e)
-    f = f if alternatives else kept.plain
-    verdict = _verdict(said, kept, rows, kept.plain, f, len(alternatives), len(dropped))
+    named = e.fit if alternatives else kept.plain
     every, plain = as_read(case, case.plain)[0], as_read(kept, kept.plain)[0]
-    stated, (kept, f, source) = why_stated(kept, e.terms, f), with_structure(kept, e.terms, f)
+    stated, before = why_stated(kept, e.terms, named), kept
+    kept, f, source = with_structure(before, e.terms, named)
+    said = unexplained(before, e := _as_found(e, source, f))
     variance = float(case.floor.noise(f.rss, f.dof))
     f, growth, read = _values(kept, f, variance)
     left = f.residuals - kept.shared(f)
@@ -88,7 +90,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     sigma = _sigma(model, variance, gain, len(rows) / max(f.dof, 1))
     std = _errors_std(model, wide, 1.0)
     doubts, rivals = _doubts(model, of_sets, alternatives, std)
-    named = set(f.effects).union(*(a.causes for a in alternatives))
+    shown = set(f.effects).union(*(a.causes for a in alternatives))
     lost, parts = _absorbed(kept, e.candidates, std, grown)
     others = Others.of(kept, grown, variance) if std or is_small(kept) else None
     weak = unnoticed_of(kept, grown, std, others, lost)
@@ -97,7 +99,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     in_doubt = (*notes_of_structure(model, open_, std), *notes_of_shape(model, f, shape, std))
     notes = (*stated, *in_doubt, *_notes(case, f, variance, sigma, read=read))
     return Diagnosis(
-        verdict=verdict,
+        verdict=_verdict(said, before, rows, before.plain, named, len(alternatives), len(dropped)),
         causes=_causes(kept, e, grown, variance, wide, alternatives),
         evidence=tuple(alternatives),
         gain=gain,
@@ -117,7 +119,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         nuisance_before=_by_name(model, every),
         nuisance_after=_by_name(model, f),
         units={x.name: x.unit for x in model.nuisance},
-        labels={x.id: x.label for x in kept.effects if x.id in named.union(lost, weak)},
+        labels={x.id: x.label for x in kept.effects if x.id in shown.union(lost, weak)},
         residuals=_residuals(kept.model, case.given or every, f, left, rows),
         reservation=model.reservation,
         too_little=too_little(kept, others),
@@ -126,6 +128,14 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         ladder=ladder,
         none_probability=e.probabilities.none,
     )
+
+
+def _as_found(e: Explanation, source: FormulaEffect | None, f: Fit) -> Explanation:
+    """Return an explanation whose structure is where the fit of its formula has it."""
+    if source is None:
+        return e
+    (term, share), *others = e.terms
+    return replace(e, terms=[(as_found(term, source, f), share), *others])
 
 
 def _values(case: Case, f: Fit, variance: float) -> tuple[Fit, Floats, bool]:

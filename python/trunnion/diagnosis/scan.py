@@ -14,7 +14,6 @@ from typing import NamedTuple, cast
 import numpy as np
 from scipy import special
 
-from trunnion._core import local_errors_inside
 from trunnion.base.resolution import Floor
 from trunnion.base.rotation import cosine_sine
 from trunnion.base.statistics import MANY_ROWS
@@ -22,6 +21,9 @@ from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.columns import AT_HAND, ROUNDING, storage
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.functions import DEPENDENT, Functions, Jumps, Made, Part, Places
+from trunnion.diagnosis.gains import gains_beside
+from trunnion.diagnosis.jumps import best_near, near, places_of_jumps
+from trunnion.diagnosis.local_errors import BESIDE_PLACE, TIMES_WIDTH, local, places_of
 from trunnion.diagnosis.model import Covariate, Model
 from trunnion.diagnosis.quantities import Said, at_an_instant, saying, straight
 from trunnion.diagnosis.smooth import over_range, polynomials
@@ -36,12 +38,7 @@ WAVES = 10
 WAVES_BETWEEN = np.array(
     [0.0, -0.25, -0.125, 0.125, 0.25]
 )  # over the range, around one of the scan
-JUMPS = 48
 MAX_ALIKE = 2  # readings of a value on average: of more, functions are made once for each value
-WIDTHS = (1 / 4, 1 / 8, 1 / 16)  # of local errors, in turns or ranges
-STEPS_A_WIDTH = 2  # between neighbouring places of a local error
-BESIDE_PLACE = np.linspace(-0.25, 0.25, 5)  # in widths, around a place of the scan
-TIMES_WIDTH = (0.5, 0.7, 1.0, 1.4)  # the same of widths
 
 
 @dataclass(frozen=True)
@@ -325,18 +322,20 @@ class Dictionary:
         """Columns of a term, shape (v, n, k); those between the terms of the scan, too.
 
         What a wave leaves of one a quarter of a period longer over the range would be explained by
-        causes that are not there, and so would what a local error leaves of one beside it. Waves
-        in places have causes of their own, of any length.
+        causes that are not there, and so would what a local error or a jump leaves of one beside
+        it. Waves in places have causes of their own, of any length.
         """
         if term >= self.count:
             return np.concatenate([self.variants(i) for i in self.in_each(term)], axis=2)
         of = self.term(term)
-        along = next(v for v in self._covariates if v.name == of.covariate)
-        if of.kind != "local" and (of.kind != "wave" or not along.sequence):
+        along = self._along(of)
+        if of.kind not in ("local", "jump") and (of.kind != "wave" or not along.sequence):
             return self.block(term)[None]
         values = np.asarray(along.values, dtype=np.float64)
-        own = self._rows if along.known is None else self._rows[along.known[self._rows]]
-        low, high = np.min(values[own]), np.max(values[own])
+        own = values[self._acting(along)]
+        low, high = np.min(own), np.max(own)
+        if of.kind == "jump":
+            return self._jumps(of, near(np.unique(own), float(str(of.number))))
         if of.kind == "local":
             place, width = of.place_and_width
             places = place + np.tile(BESIDE_PLACE, len(TIMES_WIDTH)) * width
@@ -345,6 +344,24 @@ class Dictionary:
         else:
             waves = (high - low) / float(str(of.number)) + WAVES_BETWEEN
             columns = _waves(np.pi * waves, over_range(values, low, high)).transpose(1, 0, 2)
+        return self._white(of, along, columns)
+
+    def _along(self, of: Term) -> Covariate:
+        """Return the quantity of a term."""
+        return next(v for v in self._covariates if v.name == of.covariate)
+
+    def _acting(self, along: Covariate) -> Integers:
+        """Those of the readings that have a quantity."""
+        return self._rows if along.known is None else self._rows[along.known[self._rows]]
+
+    def _jumps(self, of: Term, places: Floats) -> Floats:
+        """Columns of a jump at some places, (v, n, 1)."""
+        along = self._along(of)
+        values = np.asarray(along.values, dtype=np.float64)
+        return self._white(of, along, (values >= places[:, None]).astype(np.float64)[:, None])
+
+    def _white(self, of: Term, along: Covariate, columns: Floats) -> Floats:
+        """White columns (v, n, k) of unit length of functions of a quantity (v, k, n)."""
         if of.component:
             columns = columns * np.asarray(self._model.components[of.component])
         if along.known is not None:
@@ -352,6 +369,20 @@ class Dictionary:
         white = np.asarray(self._whiten(columns.transpose(2, 0, 1)))[self._rows]
         size = np.linalg.norm(white, axis=0)
         return np.asarray((white / np.where(size > 0, size, 1.0)).transpose(1, 0, 2))
+
+    def placed(self, term: int, f: Fit) -> tuple[Term, float]:
+        """What a term stands for, and its gain beside a fit; a jump is where it gains most."""
+        of = self.term(term)
+        if of.kind != "jump":
+            return of, float(self.of_fit(f)[0][term])
+        own = np.asarray(self._along(of).values, dtype=np.float64)[self._acting(self._along(of))]
+
+        place, gain = best_near(
+            np.unique(own),
+            float(str(of.number)),
+            lambda places: gains_beside(self._jumps(of, places), f.basis, f.white),
+        )
+        return replace(of, number=place), gain
 
     def refined(self, gain: Floats, r: Floats, basis: Floats) -> Floats:
         """Gains (t, s) for residuals (n, s), that of the best local error at its best variant.
@@ -447,42 +478,15 @@ def _functions_at(values: Floats, x: Said) -> Iterator[tuple[Floats | Jumps, Seq
         made = _waves(np.pi * waves, over_range(values, low, high))
         yield made, [Some("wave", list((high - low) / waves), 2)]
     if v.sequence:
-        places = distinct[max(1, len(distinct) // JUMPS) :: max(1, len(distinct) // JUMPS)]
+        places = places_of_jumps(distinct)
         many = Jumps.at(x.values, places) if v.known is None else None
         jumps = (values >= places[:, None]).astype(float) if many is None else many
         yield jumps, [Some("jump", list(places))]
     if len(x.values) < MANY_ROWS and len(distinct) > 1 and not x.said:
-        places, widths = _places(v, distinct)
+        places, widths = places_of(distinct, v.period)
         made = local(values, places[:, None], widths[:, None], v.period)
         numbers = list(zip(places.tolist(), widths.tolist(), strict=True))
         yield made, [Some("local", numbers)]
-
-
-def _places(v: Covariate, distinct: Floats) -> tuple[Floats, Floats]:
-    """Places and widths (m,) of local errors with several values of a quantity, some beside each.
-
-    What ends where the readings end is a jump, or slow.
-    """
-    span = float(distinct[-1] - distinct[0])
-    whole, span = v.period or span, span if v.period is None else min(span, v.period)
-    each = [np.arange(0.0, span + w / 4, w / STEPS_A_WIDTH) for w in whole * np.array(WIDTHS)]
-    places = distinct[0] + np.concatenate(each)
-    widths = np.repeat(whole * np.array(WIDTHS), [len(x) for x in each])
-    inside = local_errors_inside(distinct, np.column_stack([places, widths]), v.period)
-    return places[inside], widths[inside]
-
-
-def local(
-    values: Floats, place: float | Floats, width: float | Floats, period: float | None
-) -> Floats:
-    """Local error of height 1 about a value of a quantity: a bell, half as high at its width."""
-    return np.asarray(np.exp2(-((2 * beside(values, place, period) / width) ** 2)))
-
-
-def beside(values: Floats, place: float | Floats, period: float | None) -> Floats:
-    """How far values of a quantity are from one, the short way round."""
-    off = values - place
-    return off if period is None else off - period * np.rint(off / period)
 
 
 def _waves(rates: Floats | Integers, x: Floats) -> Floats:

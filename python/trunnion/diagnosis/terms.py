@@ -290,11 +290,11 @@ def _few_of_a_kind(case: Case, order: Integers, known: Sequence[int] = ()) -> li
 def best_terms(case: Case, fitted: Fit) -> list[tuple[Term, float]]:
     """Terms that explain the unnamed part about as well, one a quantity, best first."""
     d, value = case.dictionary, _of_each(case, fitted)
-    gain, _ = d.of_fit(fitted)
     found: dict[str, tuple[Term, float]] = {}
     for i in map(int, np.argsort(-value, kind="stable")):
         if value[i] < value.max() - WITHIN or len(found) >= MAX_SENTENCES:
             break
-        share = min(1.0, float(gain[i] / max(fitted.rss, TINY)))
-        found.setdefault(d.term(i).covariate, (d.term(i), share))
+        if (name := d.term(i).covariate) not in found:
+            term, gain = d.placed(i, fitted)
+            found[name] = term, min(1.0, gain / max(fitted.rss, TINY))
     return list(found.values())

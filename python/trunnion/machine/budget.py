@@ -30,6 +30,7 @@ MAX_DRAWS = 1_000_000
 MIN_SHOWN = 1e-4
 """Share of the variance; smaller contributions count but are not listed."""
 MANY = 100.0  # degrees of freedom from which they are whole
+NEVER_ENDING = 1e6  # beyond, Student's t is the normal distribution to all digits
 READINGS = "readings"
 RESOLUTION = "resolution of the readings"
 MODEL = "model selection"
@@ -301,7 +302,7 @@ class Budget(Result):
 
 def freedom(value: float) -> Shown:
     """Return degrees of freedom as people print them."""
-    text = "∞" if np.isinf(value) else f"{value:.0f}" if value >= MANY else f"{value:.3g}"
+    text = "∞" if value > NEVER_ENDING else f"{value:.0f}" if value >= MANY else f"{value:.3g}"
     return Shown(value, text)
 
 

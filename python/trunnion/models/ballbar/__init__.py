@@ -14,4 +14,5 @@ the set-up has a table ``[hybrid]``.
 from trunnion.models.ballbar.model import BallbarModel as BallbarModel
 from trunnion.models.ballbar.model import ExtendedBallbarModel as ExtendedBallbarModel
 from trunnion.models.ballbar.model import build as build
+from trunnion.models.ballbar.model import described as described
 from trunnion.models.ballbar.settings import BallbarSettings as BallbarSettings

@@ -405,3 +405,8 @@ class ExtendedBallbarModel(Estimate):
 def build(data: Ballbar, setup: Setup | None, effects: Sequence[EffectLike | str]) -> BallbarModel:
     """Build the model of a ball-bar test; a hybrid machine needs a set-up."""
     return BallbarModel(data, setup, effects)
+
+
+def described(data: Ballbar) -> BallbarModel:
+    """Return what describes all readings, those where an axis just turns, too."""
+    return BallbarModel(data, at_reversals=True)

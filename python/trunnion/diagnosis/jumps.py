@@ -1,0 +1,49 @@
+"""Where along a quantity that orders readings they may jump."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from trunnion.base.units import Floats, Integers
+
+JUMPS = 48  # places of the scan
+NEAR = 24  # places between two of the scan that are tried at a time
+
+
+def places_of_jumps(distinct: Floats) -> Floats:
+    """Places of the scan: values of a quantity, ascending, from which on readings are others."""
+    return distinct[_step(distinct) :: _step(distinct)]
+
+
+def near(distinct: Floats, place: float) -> Floats:
+    """Some of the values between the neighbours of a place of the scan, and it; ascending."""
+    return np.unique([*distinct[_spread(*_about(distinct, place))], place])
+
+
+def best_near(
+    distinct: Floats, place: float, gains: Callable[[Floats], Floats]
+) -> tuple[float, float]:
+    """Value between the neighbours of a place of the scan at which a jump gains most; the gain."""
+    low, high = _about(distinct, place)
+    while True:
+        some = _spread(low, high)
+        gain = gains(distinct[some])
+        best = int(np.argmax(gain))
+        if high - low <= NEAR:
+            return float(distinct[some[best]]), float(gain[best])
+        low, high = int(some[max(best - 1, 0)]), int(some[min(best + 1, len(some) - 1)])
+
+
+def _step(distinct: Floats) -> int:
+    return max(1, len(distinct) // JUMPS)
+
+
+def _about(distinct: Floats, place: float) -> tuple[int, int]:
+    """Numbers of the first and the last value between the neighbours of a place of the scan."""
+    at, step = int(np.searchsorted(distinct, place)), _step(distinct)
+    return at - step + 1, min(at + step, len(distinct)) - 1
+
+
+def _spread(low: int, high: int) -> Integers:
+    """Some numbers from one to another."""
+    return np.unique(np.linspace(low, high, NEAR + 1).round().astype(np.intp))

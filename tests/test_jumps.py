@@ -1,0 +1,55 @@
+"""A jump in the readings is where it is, and not at a place of a grid: nothing is named for it."""
+
+import numpy as np
+import pytest
+
+import trunnion as tn
+
+COUNT = 500  # readings in each sense: ten between two places of the scan
+STEP_UM = 3.0
+RADIUS_MM = 100.0
+
+
+def circle(seed: int, jump_s: float, backlash_um: float, squareness_arcsec: float) -> tn.Ballbar:
+    """A circle in both senses, with noise of 0.1 µm; the bar reads longer from a time on."""
+    rng = np.random.default_rng(seed)
+    turn = 2 * np.pi * np.arange(COUNT) / COUNT
+    angle, sense = np.r_[turn, -turn], np.repeat([1, -1], COUNT)
+    time = np.r_[turn, turn + 2 * np.pi + 5.0] * RADIUS_MM / (1000 / 60)
+    x, y = RADIUS_MM * np.cos(angle), RADIUS_MM * np.sin(angle)
+    real_x = x - np.pi / 648000 * squareness_arcsec * y
+    real_y = y - 0.5e-3 * backlash_um * np.sign(np.round(sense * np.cos(angle), 9))
+    length = np.hypot(real_x - 0.012, real_y + 0.007)
+    length += 1e-3 * (STEP_UM * (time > jump_s) + 0.1 * rng.standard_normal(2 * COUNT))
+    columns = {"setup": np.ones(2 * COUNT), "x_mm": x, "y_mm": y, "length_mm": length}
+    return tn.Ballbar(columns | {"sense": sense, "time_s": time})
+
+
+@pytest.mark.parametrize("jump_s", [72.9, 78.3, 86.9, 95.6])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_jump_is_at_the_reading_at_which_it_is(seed: int, jump_s: float) -> None:
+    data = circle(seed, jump_s, 2.0, 5.0)
+    d = tn.diagnose(data)
+    assert d.named == {"backlash_y", "squareness_xy"}
+    assert d.effects["backlash_y"]["b_um"] == pytest.approx(2.0, abs=0.06)
+    assert d.effects["squareness_xy"]["arcsec"] == pytest.approx(5.0, abs=0.15)
+    assert d.structure is not None
+    assert d.structure.effect.shape == "jump"
+    first = data["time_s"][data["time_s"] > jump_s].min()
+    assert d.structure.effect.number == pytest.approx(first, abs=0.2)
+    assert d.structure.parameters["step_um"] == pytest.approx(STEP_UM, abs=0.06)
+    assert f"a jump at {d.structure.effect.number:.4g} s" in (d.unexplained or "")
+    assert d.gain.rms_after_um == pytest.approx(0.1, rel=0.1)
+
+
+def test_what_a_formula_changes_is_said_of_every_reading() -> None:
+    """Also of those where an axis just turns, which a diagnosis leaves out."""
+    data = circle(3, 78.3, 0.0, 0.0)
+    d = tn.diagnose(data)
+    assert any("where an axis just turns" in note for note in d.notes)
+    assert d.structure is not None
+    change = d.structure.effect.change(data, d.structure.parameters)
+    assert change.shape == (len(data),)
+    assert d.structure.effect.jacobian(data, d.structure.parameters).shape == (len(data), 1)
+    after = data["time_s"] > 78.3
+    assert np.abs(change - STEP_UM * after).max() < 0.1
