@@ -53,6 +53,7 @@ from trunnion.diagnosis.steps import (
     weights_of,
     white_beside,
 )
+from trunnion.diagnosis.structure import structure_beside
 from trunnion.diagnosis.suspects import far_out, proposals
 from trunnion.diagnosis.whitening import Whiteners, identity
 
@@ -150,17 +151,19 @@ def _with_correlation(case: Case, choice: Choice) -> tuple[Case, Choice]:
     """
     best, at = (case, choice), case
     for _ in range(MAX_ROUNDS if case.whiten is identity else 0):
-        found, used = choice[1].fit, np.flatnonzero(kept_rows(len(case.rows), choice[2]))
+        used = np.flatnonzero(kept_rows(len(case.rows), choice[2]))
+        found, structure = structure_beside(at.without(choice[2]), choice[1])
         if case.exact(found):
             break
         noise = found.rss / max(found.dof, 1)
         if case.grid is not None and case.grid.matters(float(np.sqrt(noise))):
             break
-        whiten = case.model.correlated(found.nuisance, found.effects, used, noise)
+        effects = choice[1].fit.effects
+        whiten = case.model.correlated(found.nuisance, effects, used, noise, structure)
         if whiten is None:
             return best
         at = whitened(case.model, case.plain, case.grid, whiten)
-        before, choice = found.effects.keys(), _choose(at)
+        before, choice = effects.keys(), _choose(at)
         # Without causes the plain model is compared with itself, by the same weights.
         causes = bool(choice[1].fit.effects) and not len(choice[2])
         at.given = case.given or (case.plain if causes else None)

@@ -410,10 +410,11 @@ class Model:
         effects: EffectValues,  # noqa: ARG002
         used: Integers,  # noqa: ARG002
         variance: float,  # noqa: ARG002
+        structure: Floats,  # noqa: ARG002
     ) -> Correlated | None:
-        """Noise of neighbouring readings that is alike, as a fit leaves it; None: it is not.
+        """Noise of neighbouring readings that is alike, as a fit leaves it, if it is.
 
-        ``used``: readings that the fit used; ``variance``: of what it leaves of each.
+        ``used``: readings; ``variance``: of what is left of each beside ``structure`` (n, k).
         """
         return None
 

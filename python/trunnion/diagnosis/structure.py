@@ -210,6 +210,17 @@ def with_structure(
     return tried.found
 
 
+def structure_beside(kept: Case, e: Explanation) -> tuple[Fit, Floats]:
+    """Fit of an explanation with its structure, and the columns of that in all readings (n, k).
+
+    ``kept``: without the outliers.
+    """
+    whole, f, source = with_structure(kept, e.terms, e.fit)
+    if source is None:
+        return e.fit, np.zeros((len(kept.model.readings), 0))
+    return f, f.jacobian[:, whole.columns_of(whole.model.effect(source.id), f)]
+
+
 def why_stated(kept: Case, terms: Sequence[tuple[Term, float]], f: Fit) -> tuple[str, ...]:
     """Say why structure beside a fit is stated only, and what to do; empty: it is fitted."""
     if not terms:

@@ -286,7 +286,12 @@ class PointsModel(Model):
         return whiten
 
     def correlated(
-        self, nuisance: Floats, effects: EffectValues, used: Integers, variance: float
+        self,
+        nuisance: Floats,
+        effects: EffectValues,
+        used: Integers,
+        variance: float,
+        structure: Floats,
     ) -> Correlated | None:
         """Features near each other share errors that no cause makes (:mod:`.correlation`)."""
         smooth = [e for e in self.effects if e.id in self._smooth]
@@ -295,7 +300,7 @@ class PointsModel(Model):
         columns = [
             self.effect_jacobian(nuisance, e, e.values([0.0] * len(e.parameters))) for e in smooth
         ]
-        every = np.concatenate([self.jacobian(nuisance, {}), *columns], axis=1)
+        every = np.concatenate([self.jacobian(nuisance, {}), *columns, structure], axis=1)
         rows = np.flatnonzero(
             np.bincount(used // self.dimension, minlength=len(left)) == self.dimension
         )
