@@ -220,3 +220,25 @@ def test_one_bent_guide_is_one_on_plates_of_different_size(
         (cause,) = [c for c in d.causes if c.id == "straightness_y_of_x"]
         error = cause.parameters["a2_um"] - 90.0 * 0.2**2 / 3
         assert abs(error) < 4 * cause.std_errors["a2_um"]
+
+
+def test_outliers_of_data_without_files_say_in_which_measurement_they_are() -> None:
+    rng = np.random.default_rng(111)
+    run = stops(rng, "x", 0.0, 0.0)
+    measured = run.measured.copy()
+    measured[33] += 0.05
+    data = [circle(rng, (0, 0), (0, 0), 5.0), run.with_columns(measured_mm=measured)]
+    assert (
+        "Outlier, left out: row 33 (counted from 0) of measurement 2."
+        in tn.diagnose(data).summary()
+    )
+
+
+def test_runs_of_two_axes_are_no_change_of_one() -> None:
+    """One of them one way only: that was said to be, perhaps, the reversal of the axis."""
+    rng = np.random.default_rng(112)
+    x, y = stops(rng, "x", 5.0, 2.0), stops(rng, "y", 5.0, 0.0)
+    one_way = y[y.direction > 0]
+    assert not [n for n in tn.diagnose([x, one_way]).notes if "different directions" in n]
+    same = one_way.with_columns(axis=["X"] * len(one_way))
+    assert [n for n in tn.diagnose([x, same]).notes if "different directions" in n]

@@ -304,6 +304,9 @@ class Positioning(Table):
 
         names: Of both.
         """
+        letters = {str(one.axis[0]).lower() for one in (self, other) if one.axis is not None}
+        if len(letters) > 1:  # of two axes nothing has changed
+            return ""
         mine, theirs = self._sides(), other._sides()
         common = mine.keys() & theirs.keys()
         others = sum(mine[place] != theirs[place] for place in common)

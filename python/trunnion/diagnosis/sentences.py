@@ -167,9 +167,10 @@ def _places(d: Diagnosis) -> str:
     if not isinstance(d.data, tuple):
         return places(d.data, d.outliers)
     parts, first = [], 0
-    for one in d.data:
+    for i, one in enumerate(d.data, start=1):
         mine = [row - first for row in d.outliers if 0 <= row - first < len(one)]
-        parts += [places(one, mine)] if mine else []
+        where = "" if one.origin else f" of measurement {i}"
+        parts += [f"{places(one, mine)}{where}"] if mine else []
         first += len(one)
     return ", ".join(parts)
 

@@ -186,7 +186,7 @@ def _said(found: Diagnosis, model: JointModel, name: str) -> Said:
     shared = [name] if name == model.alike.id else []  # other than in runs it is the shared one
     if shared:
         lengths = sorted(WITH_A_LENGTH & {part.kind for part in model.parts})
-        by_kind = dict.fromkeys(lengths, name) | by_kind
+        by_kind = {" and ".join(lengths): name} | by_kind
     others = {i: v for i, v in found.effects.items() if i not in (*by_kind.values(), name)}
     free = []
     if name in model.alike.scales and others.pop(model.alike.id, None) is not None:
