@@ -91,6 +91,31 @@ def test_a_measurement_given_twice_counts_once_and_is_said() -> None:
     assert not any("Measurement" in note for note in tn.diagnose([one, other]).notes)
 
 
+@pytest.mark.parametrize("digits", [5, 4])
+def test_a_copy_with_another_placement_or_fewer_digits_counts_once(digits: int) -> None:
+    rng = np.random.default_rng(67)
+    one, other = circle(rng, (0, 0), (0, 0), 4.0), stops(rng, "x", 0.0, 0.0)
+    renamed = one.with_columns(setup=["again"] * len(one))
+    rounded = one.with_columns(length_mm=np.round(one["length_mm"], digits))
+    for copy in (renamed, rounded):
+        for data in ([one, other, copy], [copy, other, one]):
+            d = tn.diagnose(data)
+            assert "is left out: measurement" in d.notes[0]
+            assert d.named == {"squareness_xy"}
+    (first, left) = [n.split()[1] for n in tn.diagnose([rounded, one, other]).notes[0].split(": ")]
+    assert (first, left) == ("1", "2")  # the one with more digits stays
+
+
+def test_an_honest_run_that_is_rounded_is_no_copy() -> None:
+    for seed in range(10):
+        rng = np.random.default_rng([68, seed])
+        run = stops(rng, "x", 0.0, 2.0)
+        again = run.measured + 0.3e-3 * rng.standard_normal(len(run))
+        d = tn.diagnose([run, run.with_columns(measured_mm=np.round(again, 3))])
+        assert isinstance(d.data, tuple)
+        assert not any("left out: measurement" in note for note in d.notes)
+
+
 def test_rows_pasted_into_one_of_several_measurements_are_said() -> None:
     rng = np.random.default_rng(64)
     one, other = circle(rng, (0, 0), (0, 0), 4.0), stops(rng, "x", 0.0, 0.0)

@@ -24,6 +24,8 @@ from trunnion.files.table import Table
 
 LABELS = ("cycle", "pass", "run")
 """Columns that number what was measured again; a copy has others, and other times."""
+PLACEMENT = "setup"
+"""Column that names what was put up: a copy may call it otherwise."""
 MIN_COPIED = 6
 """Rows of a block: fewer may repeat others by chance where readings are in steps."""
 MAX_CHANCE = 1e-6
@@ -111,12 +113,13 @@ def distinct_rows(data: Any) -> Distinct:
 def given_again(data: Sequence[Any]) -> dict[int, int]:
     """Of some measurements those that another one has in every row but for times: which other.
 
-    By their numbers. Measurements of fewer rows than `MIN_COPIED` may be alike by chance.
+    By their numbers. Also with the placement called otherwise, or with fewer digits. Measurements
+    of fewer rows than `MIN_COPIED` may be alike by chance.
     """
     kept: list[int] = []
     out: dict[int, int] = {}
     tables = [i for i, one in enumerate(data) if isinstance(one, Table) and len(one) >= MIN_COPIED]
-    for i in sorted(tables, key=lambda i: -len(data[i])):
+    for i in sorted(tables, key=lambda i: (-len(data[i]), -_most_digits(data[i]))):
         of = next((j for j in kept if _has_every_row(data[j], data[i])), None)
         if of is None:
             kept.append(i)
@@ -126,16 +129,28 @@ def given_again(data: Sequence[Any]) -> dict[int, int]:
 
 
 def _has_every_row(data: Table, other: Table) -> bool:
-    """Whether a table has all rows of another one, but for their times."""
-    names = [name for name in other.columns if name != "time_s"]
-    if type(data) is not type(other) or {*names} != {*data.columns} - {"time_s"}:
+    """Whether a table has all rows of another one, but for times and names of placements."""
+    names = [name for name in other.columns if name not in ("time_s", PLACEMENT)]
+    if type(data) is not type(other) or {*names} != {*data.columns} - {"time_s", PLACEMENT}:
         return False
     mine, theirs = ([one.columns[name] for name in names] for one in (data, other))
     first = np.all([a == b[0] for a, b in zip(mine, theirs, strict=True)], axis=0)
-    if not first.any():  # cheap, and enough for nearly all
+    if first.any():  # cheap, and enough for nearly all
+        rows = set(zip(*(column.tolist() for column in mine), strict=True))
+        if all(row in rows for row in zip(*(column.tolist() for column in theirs), strict=True)):
+            return True
+    if _most_digits(data) < _most_digits(other) + FEWER_DIGITS:
         return False
-    rows = set(zip(*(column.tolist() for column in mine), strict=True))
-    return all(row in rows for row in zip(*(column.tolist() for column in theirs), strict=True))
+    alike = [data, other]
+    if PLACEMENT in data.columns:
+        alike = [one.with_columns(**{PLACEMENT: np.ones(len(one), dtype=int)}) for one in alike]
+    original = _with_fewer_digits(type(data).concatenate(alike))
+    return bool(np.all(original[len(data) :] < len(data)))
+
+
+def _most_digits(data: Table) -> int:
+    """Digits after the decimal point of the readings of a table, of the finest of them."""
+    return max((int(_digits(v).max(initial=0)) for v in data.readings.values()), default=0)
 
 
 def own_cycles(data: Table) -> Distinct:
