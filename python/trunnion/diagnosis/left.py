@@ -32,7 +32,7 @@ from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scan import Dictionary, beside_a_term
 from trunnion.diagnosis.selection import one_by_one
 from trunnion.diagnosis.steps import weights_of
-from trunnion.diagnosis.structure import with_structure
+from trunnion.diagnosis.structure import placed, with_structure
 from trunnion.diagnosis.suspects import rested_on
 from trunnion.diagnosis.whitening import Whiten, sizes_of
 
@@ -188,9 +188,10 @@ def _in_steps(case: Case, left: Floats, dof: int) -> bool:
 def left_of(case: Case, e: Explanation, dropped: Integers) -> Left:
     """Return what an explanation leaves: the same as its report says."""
     kept, model = case.without(dropped), case.model
-    said = unexplained(kept, e)
     named = e.fit if e.sets else kept.plain
-    kept, f, _ = with_structure(kept, e.terms, named)
+    whole, f, source = with_structure(kept, e.terms, named)
+    said = unexplained(kept, placed(e, source, f))
+    kept = whole
     f = as_read(kept, f)[0]
     rows = np.asarray(model.readings.rows)
     return Left(

@@ -16,7 +16,6 @@ from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.explain import MIN_EXPLAINED, with_behind
 from trunnion.diagnosis.explanation import Explanation
 from trunnion.diagnosis.fit import Fit, confounded, first_values, variant_columns
-from trunnion.diagnosis.formula import FormulaEffect
 from trunnion.diagnosis.in_steps import as_read
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.moments import moment_errors, other_optima
@@ -35,9 +34,9 @@ from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scatter import Scatter
 from trunnion.diagnosis.shape_in_time import notes_of_shape, shape_in_doubt
 from trunnion.diagnosis.structure import (
-    as_found,
     left_open,
     notes_of_structure,
+    placed,
     structure_of,
     why_stated,
     with_structure,
@@ -76,7 +75,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     every, plain = as_read(case, case.plain)[0], as_read(kept, kept.plain)[0]
     stated, before = why_stated(kept, e.terms, named), kept
     kept, f, source = with_structure(before, e.terms, named)
-    said = unexplained(before, e := _as_found(e, source, f))
+    said = unexplained(before, e := placed(e, source, f))
     variance = float(case.floor.noise(f.rss, f.dof))
     f, growth, read = _values(kept, f, variance)
     left = f.residuals - kept.shared(f)
@@ -128,14 +127,6 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         ladder=ladder,
         none_probability=e.probabilities.none,
     )
-
-
-def _as_found(e: Explanation, source: FormulaEffect | None, f: Fit) -> Explanation:
-    """Return an explanation whose structure is where the fit of its formula has it."""
-    if source is None:
-        return e
-    (term, share), *others = e.terms
-    return replace(e, terms=[(as_found(term, source, f), share), *others])
 
 
 def _values(case: Case, f: Fit, variance: float) -> tuple[Fit, Floats, bool]:

@@ -282,13 +282,21 @@ def _with_term(kept: Case, term: Term, f: Fit) -> WithTerm:
         times = "not determined" if np.isinf(wider[at]) else f"{wider[at]:.2g} times as wide"
         name = ".".join(f.names[at])
         why = f"beside it the standard error of {name} would be {times}; {ELSEWHERE}"
-    said = f"unexplained, {as_found(term, source, found).sentence()}"
+    said = f"unexplained, {_as_found(term, source, found).sentence()}"
     source, added = replace(source, label=said), replace(added, label=said)
     whole.model = cast("Model", _ModelWith(kept.model, added, source))
     return WithTerm((whole, found, source), why)
 
 
-def as_found(term: Term, source: FormulaEffect, f: Fit) -> Term:
+def placed(e: Explanation, source: FormulaEffect | None, f: Fit) -> Explanation:
+    """Return an explanation whose structure is where the fit of its formula has it."""
+    if source is None:
+        return e
+    (term, share), *others = e.terms
+    return replace(e, terms=[(_as_found(term, source, f), share), *others])
+
+
+def _as_found(term: Term, source: FormulaEffect, f: Fit) -> Term:
     """Return a term where the fit with its formula has it, between the places of the scan."""
     if term.kind not in ("wave", "local"):
         return term

@@ -8,7 +8,7 @@ what changes with time. An instrument that several measurements of a kind have i
 (:meth:`~trunnion.diagnosis.model.Model.instrument_size`) has the name of the first of them. Each
 measurement has the noise that is left of it alone, less what no cause makes.
 
-Measurements of one kind are of several dates, in the order given. For each error and effect that
+Measurements are in the order of time, of one kind on several dates. For each error and effect that
 they share there is a further candidate: it changed before a later one ("touches 2:change_EX0C"); of
 an effect also that it ended there ("touches 2:change_backlash_y_ended"), as one that was repaired.
 Of what measurements of different kinds share there are candidates that one kind says otherwise than
@@ -219,7 +219,7 @@ class JointModel(Model):
         for kind, k in errors_apart(self.parts, self._index):
             x = self.nuisance[k]
             parameter = Parameter(f"differs_{UNIT_NAMES.get(x.unit, x.unit)}", x.unit)
-            change = Change(kinds.index(kind), error=x.name)
+            change = Change(kinds.index(kind), error=x.name, of_kind=True)
             yield self._difference(kind, change, (parameter,), x.name, x.owner, LEVEL)
         acting = {
             shared: [(a.part, a.effect) for a in acts]
@@ -227,7 +227,7 @@ class JointModel(Model):
             if made[shared].linear
         }
         for kind, shared, level in effects_apart(self.parts, acting, self.alike.id):
-            change, one = Change(kinds.index(kind), effect=shared), made[shared]
+            change, one = Change(kinds.index(kind), effect=shared, of_kind=True), made[shared]
             yield self._difference(kind, change, one.parameters, one.label, one.owner, level)
 
     def _difference(
@@ -293,9 +293,9 @@ class JointModel(Model):
         return at, own
 
     def _concerns(self, i: int, change: Change) -> bool:
-        """Whether a change acts on a part: one of the same kind, not before it or not after."""
+        """Whether a change acts on a part: of its kind, or not before it, or not after."""
         same = self.parts[i].kind == self.parts[change.since].kind
-        return same and (i < change.since) == change.ended
+        return same if change.of_kind else (i < change.since) == change.ended
 
     def _position(self, i: int, error: str) -> int:
         return next(k for k, x in enumerate(self.parts[i].model.nuisance) if x.name == error)

@@ -317,7 +317,8 @@ def diagnose(
     data
         Any kind of data that trunnion reads (touches, points, sweep, diameters, axis log, ball-bar
         lengths), a DataFrame or a mapping with the columns of one, or a model of the protocol in
-        :mod:`trunnion.diagnosis.model`.
+        :mod:`trunnion.diagnosis.model`. A list of them, in the order of time: several measurements
+        of one machine, diagnosed together.
     setup
         The set-up, where the kind of data needs one.
     effects

@@ -50,14 +50,15 @@ class Acts:
 class Change:
     """A shared error or effect that changed before part ``since``; of an error ``effect`` is ''.
 
-    From the first part of its kind on: it is another in measurements of this kind. ``ended``: it is
-    in those before, and not from this part on.
+    Parts are in the order of time, of all kinds. ``ended``: it is in those before, and not from
+    this part on. ``of_kind``: it is another in all measurements of the kind of ``since``.
     """
 
     since: int
     error: str = ""
     effect: str = ""
     ended: bool = False
+    of_kind: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -163,6 +163,12 @@ class Measured:
         return known if made and known is not None else model.whitener(before)
 
 
+IN_ORDER = (
+    "The measurements are taken to be in the order of time, as they are given: what changed before "
+    "one of them is changed in all that follow it."
+)
+
+
 def joint_model(
     measured: Sequence[Measured],
     binder: Callable[[Sequence[Any]], Model],
@@ -207,6 +213,9 @@ def joined(
         )
     ]
     notes += supposed_alike([one.data for one in measured])
+    several = len({part.kind for part in model.parts}) > 1
+    if several and any(":change_" in i or ":differs_" in i for i in found.named):
+        notes.append(IN_ORDER)
     for part, one in zip(model.parts, measured, strict=True):
         others = [each.data for each in measured if each is not one]
         shared = not_shared(one.data, others)

@@ -1,0 +1,46 @@
+"""Measurements of several kinds are in the order of time: a change is in all that follow it."""
+
+import numpy as np
+import pytest
+
+import trunnion as tn
+from test_joint_agreement import circle, plate, stops
+
+SQUARE = 1e-9  # µm/m²: no bow
+Rng = np.random.Generator
+
+
+def out_of_square(rng: Rng, arcsec: float) -> tn.Points:
+    """A plate that a machine drilled whose Y axis leans."""
+    made = plate(rng, 150.0, 0.0, SQUARE)
+    leans = made["nominal_y_mm"] * np.radians(arcsec / 3600)
+    return made.with_columns(x_mm=made["x_mm"] - leans)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_circle_after_a_change_does_not_contradict_what_was_before(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    before, after = out_of_square(rng, 8.0), out_of_square(rng, 12.0)
+    last = circle(rng, (0, 0), (0, 0), 12.0)
+    d = tn.diagnose([before, after, last])
+    assert d.verdict in ("explained", "ambiguous")
+    assert {"squareness_xy", "points 2:change_squareness_xy"} <= d.named
+    assert d.effects["squareness_xy"]["arcsec"] == pytest.approx(8.0, abs=0.5)
+    change = next(iter(d.effects["points 2:change_squareness_xy"].values()))
+    assert change == pytest.approx(4.0, abs=0.5)
+    assert any("in the order of time" in note for note in d.notes)
+    first = tn.diagnose([circle(rng, (0, 0), (0, 0), 8.0), before, after])
+    assert {"squareness_xy", "points 2:change_squareness_xy"} <= first.named
+
+
+@pytest.mark.parametrize("seed", [4, 5, 6])
+def test_a_run_after_a_backlash_was_made_smaller_agrees(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    dates = [circle(rng, (0, 0), (0, um), 0.0) for um in (6.0, 2.0)]
+    d = tn.diagnose([*dates, stops(rng, "y", 0.0, 2.0)])
+    assert not any("differs" in cause for cause in d.named)
+    assert {"backlash_y", "ballbar 2:change_backlash_y"} <= d.named
+    assert d.effects["backlash_y"]["b_um"] == pytest.approx(6.0, abs=0.4)
+    none = tn.diagnose([*dates[:1], stops(rng, "y", 0.0, 6.0)])
+    assert none.named == {"backlash_y"}
+    assert not any("in the order of time" in note for note in none.notes)
