@@ -94,7 +94,10 @@ def diagnose(
         ),
     ] = 0,
     joint: Annotated[
-        bool, typer.Option("--joint", help="several measurements of one machine, together")
+        bool,
+        typer.Option(
+            "--joint", help="several measurements of one machine, in the order of time, together"
+        ),
     ] = False,
     out: Annotated[
         Path | None, typer.Option(help="folder for a page with pictures of each file, and a table")
