@@ -139,10 +139,11 @@ def _has_every_row(data: Table, other: Table) -> bool:
         rows = set(zip(*(column.tolist() for column in mine), strict=True))
         if all(row in rows for row in zip(*(column.tolist() for column in theirs), strict=True)):
             return True
-    if _most_digits(data) < _most_digits(other) + FEWER_DIGITS:
+    columns = {*data.columns} ^ {*other.columns}
+    if columns - {PLACEMENT} or _most_digits(data) < _most_digits(other) + FEWER_DIGITS:
         return False
     alike = [data, other]
-    if PLACEMENT in data.columns:
+    if PLACEMENT in {*data.columns, *other.columns}:
         alike = [one.with_columns(**{PLACEMENT: np.ones(len(one), dtype=int)}) for one in alike]
     original = _with_fewer_digits(type(data).concatenate(alike))
     return bool(np.all(original[len(data) :] < len(data)))
