@@ -11,6 +11,8 @@ import trunnion as tn
 from power.measured_twin import make_points
 from power.pairs import bar, stops, touches
 from power.study import ground
+from test_joint_agreement import plate
+from test_joint_agreement import stops as run
 
 ALL_AXES = "axes that are all wrong by the same share"
 Rng = np.random.Generator
@@ -35,3 +37,18 @@ def test_nothing_is_said_where_nothing_is_named_or_an_axis_was_measured() -> Non
     joint = tn.diagnose([bar(rng, 0.0, 3.0), stops(rng, "x", {})])
     assert joint.named == {"ballbar:ballbar_length"}
     assert not any(ALL_AXES in note for note in joint.notes)
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_parts_that_are_all_larger_may_be_of_a_warm_machine(count: int) -> None:
+    """Two: an expansion of each is named; three: both scales. Neither is known."""
+    rng = np.random.default_rng(43)
+    parts = [plate(rng, 150.0, 0.0, 1e-9, (25.0, 25.0)) for _ in range(count)]
+    d = tn.diagnose(parts)
+    (said,) = (note for note in d.notes if "do not distinguish" in note)
+    assert "A positioning run of one axis" in said
+    assert (ALL_AXES in said) == ("points:expansion" in d.named)
+    for more in ([run(rng, "x", 25.0, 0.0)], [run(rng, "x", 0.0, 0.0)]):
+        assert not any("do not distinguish" in note for note in tn.diagnose([*parts, *more]).notes)
+    unlike = [plate(rng, 150.0, 0.0, 1e-9, (25.0, 5.0)) for _ in range(3)]
+    assert not any("do not distinguish" in note for note in tn.diagnose(unlike).notes)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from trunnion.base.statistics import linear_fit
-from trunnion.base.units import Floats, Integers
+from trunnion.base.units import Floats, Integers, capital
 from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.fit import first_values, variant_columns
 from trunnion.diagnosis.records import value_in_words
@@ -38,6 +38,8 @@ OPPOSITE = (
     ": the same with the other sign, as of a direction or a sense of approach that is reversed"
 )
 FAR = 4.0  # standard errors
+MIN_AXES = 2
+ONE_RUN = "A positioning run of one axis, diagnosed together with these, says which it is"
 
 
 def errors_apart(parts: Sequence[Part], index: Sequence[Integers]) -> Iterator[tuple[str, int]]:
@@ -173,6 +175,32 @@ def with_contradictions(found: Diagnosis, model: JointModel) -> Diagnosis:
         not_identifiable={**found.not_identifiable, **lost},
         model=replace(found.model, std_errors={**found.model.std_errors, **unknown}),
     )
+
+
+def warm_alike(found: Diagnosis, model: JointModel) -> list[str]:
+    """Say what parts that are all as warm look like, of measurements of one kind alone.
+
+    The scales of all axes, as much each, or an expansion of each part: one kind does not tell.
+    """
+    grown = [e for e in model.parts[0].model.effects if e.looks_like]
+    scales = [e.id for e in model.effects if e.id in LINEAR_SCALES]
+    if len({part.kind for part in model.parts}) > 1 or model.alike.axes or not grown:
+        return []
+    own, said = grown[0], grown[0].label or grown[0].id
+    if any(i.endswith(f":{own.id}") for i in found.named):
+        return [f"{capital(said)}: the readings do not distinguish it from {own.looks_like}."]
+    sizes = {
+        c.id: (c.parameters["ppm"], c.std_errors["ppm"]) for c in found.causes if c.id in scales
+    }
+    if len(scales) < MIN_AXES or len(sizes) < len(scales):
+        return []
+    if Said("", "ppm", sizes).distance > FAR:
+        return []
+    which = " and ".join(scales)
+    return [
+        f"{which} are alike: the readings do not distinguish them from {said}, as much in all "
+        f"measurements. {ONE_RUN}."
+    ]
 
 
 def _said(found: Diagnosis, model: JointModel, name: str) -> Said:

@@ -22,6 +22,7 @@ from trunnion.diagnosis.scatter import Directions
 from trunnion.diagnosis.steps import grid_of, weights_of, white_beside, white_rounding
 from trunnion.diagnosis.whitening import Scaled, Scaling, Whiten, identity
 from trunnion.files.table import Table
+from trunnion.models.agreement import warm_alike
 from trunnion.models.changes import done_otherwise
 from trunnion.models.joint import JointModel
 from trunnion.models.parts import Part
@@ -216,6 +217,7 @@ def joined(
     several = len({part.kind for part in model.parts}) > 1
     if several and any(":change_" in i or ":differs_" in i for i in found.named):
         notes.append(IN_ORDER)
+    notes += warm_alike(found, model)
     for part, one in zip(model.parts, measured, strict=True):
         others = [each.data for each in measured if each is not one]
         shared = not_shared(one.data, others)
