@@ -47,6 +47,10 @@ MAX_DIGITS = 9
 """After the decimal point; what has more was not written by hand or by a table."""
 FEWER_DIGITS = 1
 """Of a rounded copy, at least."""
+LEAST_DIGITS = 3
+"""Of a rounded copy of a whole measurement: what is nominal has fewer."""
+PLANNED = ("Touches",)
+"""Data of which a plan has the columns of readings: they round to it."""
 MIN_CYCLES = 2
 """Of repeats."""
 ALL_ALIKE = (
@@ -139,8 +143,9 @@ def _has_every_row(data: Table, other: Table) -> bool:
         rows = set(zip(*(column.tolist() for column in mine), strict=True))
         if all(row in rows for row in zip(*(column.tolist() for column in theirs), strict=True)):
             return True
-    columns = {*data.columns} ^ {*other.columns}
-    if columns - {PLACEMENT} or _most_digits(data) < _most_digits(other) + FEWER_DIGITS:
+    columns, digits = {*data.columns} ^ {*other.columns}, _most_digits(other)
+    plan = type(data).__name__ in PLANNED or digits < LEAST_DIGITS
+    if plan or columns - {PLACEMENT} or _most_digits(data) < digits + FEWER_DIGITS:
         return False
     alike = [data, other]
     if PLACEMENT in {*data.columns, *other.columns}:

@@ -8,6 +8,8 @@ from trunnion.base.units import Floats, Integers
 
 JUMPS = 48  # places of the scan
 NEAR = 24  # places between two of the scan that are tried at a time
+ONE_BETWEEN = 2  # steps of the scan, of which each has one value between
+FEW = 8  # of these, that compete with causes: each has its share of the odds
 
 
 def places_of_jumps(distinct: Floats) -> Floats:
@@ -16,8 +18,13 @@ def places_of_jumps(distinct: Floats) -> Floats:
 
 
 def near(distinct: Floats, place: float) -> Floats:
-    """Some of the values between the neighbours of a place of the scan, and it; ascending."""
-    return np.unique([*distinct[_spread(*_about(distinct, place))], place])
+    """Some of the values between the neighbours of a place of the scan, and it; ascending.
+
+    It alone where one value is between: a reading on the wrong side is no cause.
+    """
+    if _step(distinct) <= ONE_BETWEEN:
+        return np.array([place])
+    return np.unique([*distinct[_spread(*_about(distinct, place), FEW)], place])
 
 
 def best_near(
@@ -26,7 +33,7 @@ def best_near(
     """Value between the neighbours of a place of the scan at which a jump gains most; the gain."""
     low, high = _about(distinct, place)
     while True:
-        some = _spread(low, high)
+        some = _spread(low, high, NEAR)
         gain = gains(distinct[some])
         best = int(np.argmax(gain))
         if high - low <= NEAR:
@@ -44,6 +51,6 @@ def _about(distinct: Floats, place: float) -> tuple[int, int]:
     return at - step + 1, min(at + step, len(distinct)) - 1
 
 
-def _spread(low: int, high: int) -> Integers:
-    """Some numbers from one to another."""
-    return np.unique(np.linspace(low, high, NEAR + 1).round().astype(np.intp))
+def _spread(low: int, high: int, count: int) -> Integers:
+    """So many numbers from one to another, and one."""
+    return np.unique(np.linspace(low, high, count + 1).round().astype(np.intp))
