@@ -123,8 +123,11 @@ def given_again(data: Sequence[Any]) -> dict[int, int]:
     kept: list[int] = []
     out: dict[int, int] = {}
     tables = [i for i, one in enumerate(data) if isinstance(one, Table) and len(one) >= MIN_COPIED]
-    for i in sorted(tables, key=lambda i: (-len(data[i]), -_most_digits(data[i]))):
-        of = next((j for j in kept if _has_every_row(data[j], data[i])), None)
+    types = [type(data[i]) for i in tables]
+    tables = [i for i, own in zip(tables, types, strict=True) if types.count(own) > 1]
+    digits = {i: _most_digits(data[i]) for i in tables}
+    for i in sorted(tables, key=lambda i: (-len(data[i]), -digits[i])):
+        of = next((j for j in kept if _is_in(data[i], digits[i], data[j], digits[j])), None)
         if of is None:
             kept.append(i)
         else:
@@ -132,26 +135,37 @@ def given_again(data: Sequence[Any]) -> dict[int, int]:
     return dict(sorted(out.items()))
 
 
-def _has_every_row(data: Table, other: Table) -> bool:
-    """Whether a table has all rows of another one, but for times and names of placements."""
-    names = [name for name in other.columns if name not in ("time_s", PLACEMENT)]
-    if type(data) is not type(other) or {*names} != {*data.columns} - {"time_s", PLACEMENT}:
+def _is_in(copy: Table, digits: int, data: Table, of: int) -> bool:
+    """Whether a table of readings with so many digits has those of another one, which has ``of``.
+
+    But for times and names of placements, or with fewer digits.
+    """
+    if type(data) is not type(copy):
         return False
-    mine, theirs = ([one.columns[name] for name in names] for one in (data, other))
-    first = np.all([a == b[0] for a, b in zip(mine, theirs, strict=True)], axis=0)
-    if first.any():  # cheap, and enough for nearly all
-        rows = set(zip(*(column.tolist() for column in mine), strict=True))
-        if all(row in rows for row in zip(*(column.tolist() for column in theirs), strict=True)):
-            return True
-    columns, digits = {*data.columns} ^ {*other.columns}, _most_digits(other)
+    if _has_every_row(data, copy):
+        return True
+    columns = {*data.columns} ^ {*copy.columns}
     plan = type(data).__name__ in PLANNED or digits < LEAST_DIGITS
-    if plan or columns - {PLACEMENT} or _most_digits(data) < digits + FEWER_DIGITS:
+    if plan or columns - {PLACEMENT} or of < digits + FEWER_DIGITS:
         return False
-    alike = [data, other]
-    if PLACEMENT in {*data.columns, *other.columns}:
+    alike = [data, copy]
+    if PLACEMENT in {*data.columns, *copy.columns}:
         alike = [one.with_columns(**{PLACEMENT: np.ones(len(one), dtype=int)}) for one in alike]
     original = _with_fewer_digits(type(data).concatenate(alike))
     return bool(np.all(original[len(data) :] < len(data)))
+
+
+def _has_every_row(data: Table, other: Table) -> bool:
+    """Whether a table has all rows of another one, but for times and names of placements."""
+    names = [name for name in other.columns if name not in ("time_s", PLACEMENT)]
+    if {*names} != {*data.columns} - {"time_s", PLACEMENT}:
+        return False
+    mine, theirs = ([one.columns[name] for name in names] for one in (data, other))
+    first = np.all([a == b[0] for a, b in zip(mine, theirs, strict=True)], axis=0)
+    if not first.any():  # cheap, and enough for nearly all
+        return False
+    rows = set(zip(*(column.tolist() for column in mine), strict=True))
+    return all(row in rows for row in zip(*(column.tolist() for column in theirs), strict=True))
 
 
 def _most_digits(data: Table) -> int:

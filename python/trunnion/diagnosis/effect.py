@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from trunnion.base.rotation import wave_rows
 from trunnion.base.rows import ROWS_AT_HAND, at_hand, where
 from trunnion.base.statistics import in_columns
-from trunnion.base.units import Floats, Integers, unit_of
+from trunnion.base.units import Floats, Integers, capital, unit_of
 from trunnion.diagnosis.classes import Spread
 from trunnion.machine.effects import EffectInfo, Motion, Owner, ParameterInfo, UserEffect
 from trunnion.machine.stated import Stated
@@ -174,6 +174,12 @@ class Effect:
     def values(self, numbers: Iterable[float]) -> Values:
         """Numbers, in the order of the parameters, as values by name."""
         return Values(zip((p.name for p in self.parameters), numbers, strict=True))
+
+    @property
+    def not_distinguished(self) -> str:
+        """Say what it looks like, of one that looks like something else."""
+        said = capital(self.label or self.id)
+        return f"{said}: the readings do not distinguish it from {self.looks_like}."
 
     def info(self) -> EffectInfo:
         """Return the entry of a catalogue."""

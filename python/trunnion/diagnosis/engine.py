@@ -152,7 +152,7 @@ def _with_correlation(case: Case, choice: Choice) -> tuple[Case, Choice]:
     best, at = (case, choice), case
     for _ in range(MAX_ROUNDS if case.whiten is identity else 0):
         used = np.flatnonzero(kept_rows(len(case.rows), choice[2]))
-        found, structure = structure_beside(at.without(choice[2]), choice[1])
+        found, structure = structure_beside(at, choice[1], choice[2])
         if case.exact(found):
             break
         noise = found.rss / max(found.dof, 1)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from trunnion.base.units import Floats, Integers, capital
+from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case, kept_rows
 from trunnion.diagnosis.contributions import contributions_of
@@ -214,8 +214,7 @@ def _notes(case: Case, f: Fit, variance: float, sigma: float, *, read: bool) -> 
     ``read``: and of steps.
     """
     alike = (
-        f"{capital(effect.label or effect.id)}: the readings do not distinguish it from "
-        f"{effect.looks_like}."
+        effect.not_distinguished
         for effect in case.effects
         if effect.id in f.effects and effect.looks_like
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from trunnion.base.errors import DataError
 from trunnion.base.report import Result, Table, uncertainty
-from trunnion.base.units import Floats, unit_of
+from trunnion.base.units import Floats, Integers, unit_of
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.cross_validation import better
 from trunnion.diagnosis.effect import Effect, EffectValues, Values
@@ -210,14 +210,17 @@ def with_structure(
     return tried.found
 
 
-def structure_beside(kept: Case, e: Explanation) -> tuple[Fit, Floats]:
+def structure_beside(case: Case, e: Explanation, bad: Integers) -> tuple[Fit, Floats]:
     """Fit of an explanation with its structure, and the columns of that in all readings (n, k).
 
-    ``kept``: without the outliers.
+    ``bad``: readings that are left out.
     """
-    whole, f, source = with_structure(kept, e.terms, e.fit)
+    none = e.fit, np.zeros((len(case.model.readings), 0))
+    if not e.terms:
+        return none
+    whole, f, source = with_structure(case.without(bad), e.terms, e.fit)
     if source is None:
-        return e.fit, np.zeros((len(kept.model.readings), 0))
+        return none
     return f, f.jacobian[:, whole.columns_of(whole.model.effect(source.id), f)]
 
 

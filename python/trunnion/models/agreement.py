@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from trunnion.base.statistics import linear_fit
-from trunnion.base.units import Floats, Integers, capital
+from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.fit import first_values, variant_columns
 from trunnion.diagnosis.records import value_in_words
@@ -188,7 +188,7 @@ def warm_alike(found: Diagnosis, model: JointModel) -> list[str]:
         return []
     own, said = grown[0], grown[0].label or grown[0].id
     if any(i.endswith(f":{own.id}") for i in found.named):
-        return [f"{capital(said)}: the readings do not distinguish it from {own.looks_like}."]
+        return [own.not_distinguished]
     sizes = {
         c.id: (c.parameters["ppm"], c.std_errors["ppm"]) for c in found.causes if c.id in scales
     }
@@ -224,12 +224,9 @@ def _said(found: Diagnosis, model: JointModel, name: str) -> Said:
     fitted = refit(model, {**others, **zero}, np.zeros(0, dtype=np.intp))
     shown = []
     for p in model.effect(own[0]).parameters:
+        of_all = [name] if is_error else [f"{x}.{p.name}" for x in shared]
         terms = {
-            kind: [
-                *([name] if is_error else []),
-                *(f"{x}.{p.name}" for x in (*shared, *([i] if i in own else []))),
-            ]
-            for kind, i in by_kind.items()
+            kind: [*of_all, *([f"{i}.{p.name}"] if i in own else [])] for kind, i in by_kind.items()
         }
         values = {kind: _sum(fitted, some) for kind, some in terms.items()}
         many = len(model.effect(own[0]).parameters) > 1
