@@ -79,3 +79,37 @@ def test_structure_is_fitted_beside_causes_once(monkeypatch: pytest.MonkeyPatch)
     assert d.structure is not None
     assert d.causes
     assert len(fitted) == len(set(fitted)) > 0
+
+
+PLACED: dict[str, Callable[[Floats], Floats]] = {
+    "dent": lambda t: np.asarray(np.exp(-(((t - 0.35) / 0.2) ** 2))),
+    "kink": lambda t: np.asarray(np.abs(2.0 * t - 1.1)),
+    "wave": lambda t: np.asarray(np.sin(2 * np.pi * t / 0.8) ** 2),
+}
+
+
+@pytest.mark.parametrize("seed", [3, 14])
+@pytest.mark.parametrize("shape", PLACED)
+def test_a_curve_of_a_place_without_a_cause_is_in_the_standard_errors(
+    shape: str, seed: int
+) -> None:
+    """EX0C is that of its mean over the places: of a guide that is straight elsewhere it is off."""
+    rng = np.random.default_rng(seed)
+    truth = Truth(errors=random_errors(rng), placement=random_placement(rng), effects={})
+    made, twin, _, setup = ground("rich")
+    measured = measure(made, twin, truth, noise_um=0.3, tick_um=0.1, seed=seed)
+    columns = {k: np.array(v) for k, v in measured.columns.items()}
+    place = columns["y_mm"]
+    moved_um = 6.0 * PLACED[shape]((place - place.min()) / np.ptp(place))
+    along = columns["dir_x"] * moved_um * 1e-3  # what of it a touch reads
+    for axis in "xyz":
+        columns[f"{axis}_mm"] -= along * columns[f"dir_{axis}"]
+    d = tn.diagnose(tn.Touches(columns), setup)
+    assert d.verdict == "unexplained"
+    assert d.structure is not None
+    assert "Y place" in d.structure.effect.covariate
+    for name, true in truth.errors.items():
+        assert abs(d.errors_after[name] - true) < 3.5 * d.errors_std[name], name
+    assert 1.0 < d.errors_std["EX0C"] < 6.0
+    assert d.errors_std["EY0C"] < 0.3  # in which the curve does not enter
+    assert any("leaves open: EX0C ± " in note for note in d.notes)

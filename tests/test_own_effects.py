@@ -176,7 +176,7 @@ def test_structure_that_is_nearly_an_error_of_the_machine_is_fitted(phase: float
     assert not d.named
     assert d.gain.heldout_rms_after_um < 0.35
     assert abs(d.errors_after["EX0C"] - 10.0) < 2 * d.errors_std["EX0C"]
-    assert 0.5 < d.errors_std["EX0C"] < 3.0  # identify alone would say 0.04
+    assert 0.5 < d.errors_std["EX0C"] < 3.5  # as large as the wave; identify alone would say 0.04
     assert "rail" in tn.diagnose(d.data, setup, effects=[d.draft_effect("rail")]).named
 
 

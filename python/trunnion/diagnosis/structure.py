@@ -16,7 +16,7 @@ from trunnion.diagnosis.cross_validation import better
 from trunnion.diagnosis.effect import Effect, EffectValues, Values
 from trunnion.diagnosis.explanation import Explanation
 from trunnion.diagnosis.fit import Fit, fit
-from trunnion.diagnosis.formula import FormulaEffect
+from trunnion.diagnosis.formula import SMOOTH, FormulaEffect
 from trunnion.diagnosis.functions import DEPENDENT
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.records import (
@@ -333,9 +333,9 @@ def left_open(
     """What structure leaves open of the parameters of a fit: mean squares, shape (p + k, p + k).
 
     Structure that is stated and not fitted (``source``: None) may move them as if it were; one that
-    is fitted may be wrong by all that it moves, where the data hardly distinguish the two. What
-    depends on time has no known zero: errors of the machine are those at its mean, and may be off
-    by as much as is seen of it, as far as the readings do not tell (GUM, type B).
+    is fitted may be wrong by all that it moves, where the data hardly distinguish the two. A smooth
+    function of time or of a place has no known zero: errors of the machine are those at its mean,
+    and may be off by as much as is seen of it, as far as the readings do not tell (GUM, type B).
     ``variance``: of a white reading.
     """
     if not e.terms or kept.dependent:
@@ -355,7 +355,7 @@ def left_open(
         size = np.linalg.lstsq(left, f.white, rcond=float(np.sqrt(DEPENDENT)))[0]
         moved = absorbed @ (white @ size)
     out = np.outer(moved, moved)
-    if found.owner is not Owner.TIME or found.shape == "jump":
+    if found.shape not in SMOOTH and not (found.owner is Owner.TIME and found.shape != "jump"):
         return out
     enters = np.asarray(model.components.get(found.component, np.ones(len(columns))))
     level = kept.white(enters)
