@@ -157,6 +157,14 @@ def example(shape: str) -> tn.FormulaEffect:
             "low": -50.0,
             "high": 50.0,
         },
+        "alternating": {
+            "shape": "alternating",
+            "covariate": "Y place",
+            "unit": "mm",
+            "number": 31.0,
+            "low": -50.0,
+            "high": 50.0,
+        },
         "polynomial": {
             "shape": "polynomial",
             "covariate": "time",

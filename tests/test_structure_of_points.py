@@ -1,4 +1,4 @@
-"""A large wave on a plate is structure of its own, no error that neighbouring features share."""
+"""A wave on a plate is structure of its own: no error that neighbours share, no scatter."""
 
 import numpy as np
 import pytest
@@ -8,14 +8,26 @@ import trunnion as tn
 NOISE_UM = 0.5
 
 
-def plate(seed: int, count: int, step_mm: float, size_um: float, period_mm: float) -> tn.Points:
-    """A square grid measured in random order; X has a wave along Y."""
+def plate(
+    seed: int,
+    count: int,
+    step_mm: float,
+    size_um: float,
+    period_mm: float,
+    *,
+    meander: bool = False,
+    noise_um: tuple[float, float] = (NOISE_UM, NOISE_UM),
+) -> tn.Points:
+    """A square grid measured in random order or row by row, to and fro; X has a wave along Y."""
     rng = np.random.default_rng(seed)
     x, y = (a.ravel() for a in np.meshgrid(*[np.arange(count) * step_mm] * 2))
-    order = rng.permutation(len(x))
+    rows = np.arange(len(x)).reshape(count, count)
+    rows[1::2] = rows[1::2, ::-1]
+    order = rows.ravel() if meander else rng.permutation(len(x))
     x, y = x[order], y[order]
-    wave = size_um * np.sin(2 * np.pi * y / period_mm + rng.uniform(0, 6.28))
-    noise = NOISE_UM * rng.standard_normal((2, len(x)))
+    phase = rng.uniform(0, 6.28) if period_mm > 2 * step_mm else np.pi / 2
+    wave = size_um * np.sin(2 * np.pi * y / period_mm + phase)
+    noise = np.array(noise_um)[:, None] * rng.standard_normal((2, len(x)))
     turn = rng.normal(0.0, 5e-5)
     return tn.Points(
         nominal_x_mm=x,
@@ -46,3 +58,45 @@ def test_the_larger_a_wave_the_surer_it_is(
         size = np.hypot(d.structure.parameters["a_um"], d.structure.parameters["b_um"])
         assert size == pytest.approx(size_um, abs=0.4)
         assert d.sigma == pytest.approx(NOISE_UM, rel=0.2)
+
+
+@pytest.mark.parametrize("meander", [False, True])
+@pytest.mark.parametrize("steps", [2.0, 2.1, 2.3, 2.6])
+@pytest.mark.parametrize("count", [9, 13, 25])
+def test_a_wave_of_few_steps_is_structure(count: int, steps: float, meander: bool) -> None:
+    for seed, size_um in ((1, 2.0), (2, 4.0)):
+        d = tn.diagnose(plate(seed, count, 20.0, size_um, 20.0 * steps, meander=meander))
+        assert d.verdict == "unexplained"
+        assert not d.named
+        assert not [note for note in d.notes if note.startswith("Readings scatter")]
+        assert d.structure is not None
+        assert d.structure.effect.covariate == "Y position"
+        assert d.structure.effect.component == "X"
+        assert d.sigma == pytest.approx(NOISE_UM, rel=0.2)
+        if steps > 2.0:
+            period, u = d.structure.parameters["period_mm"], d.structure.std_errors["period_mm"]
+            assert period == pytest.approx(20.0 * steps, abs=3 * u)
+
+
+@pytest.mark.parametrize("count", [8, 13])
+def test_rows_that_alternate_have_one_amplitude(count: int) -> None:
+    for seed in range(5):
+        d = tn.diagnose(plate(seed, count, 20.0, 1.0, 40.0))
+        assert d.structure is not None
+        assert d.structure.effect.shape == "alternating"
+        assert (d.unexplained or "").startswith(
+            "the residual depends on Y position (periodic, period 40 mm in X)"
+        )
+        size, u = d.structure.parameters["a_um"], d.structure.std_errors["a_um"]
+        assert size == pytest.approx(1.0, abs=4 * u)
+        assert u < 0.1
+
+
+@pytest.mark.parametrize("meander", [False, True])
+def test_a_noisier_direction_stays_scatter(meander: bool) -> None:
+    ds = [
+        tn.diagnose(plate(seed, 9, 20.0, 0.0, 40.0, meander=meander, noise_um=(1.5, 0.5)))
+        for seed in range(20)
+    ]
+    assert sum(d.verdict == "consistent" for d in ds) >= 16
+    assert sum(any(n.startswith("Readings scatter") for n in d.notes) for d in ds) >= 18

@@ -20,9 +20,10 @@ from trunnion.base.units import Floats, suffix_of
 from trunnion.diagnosis.effect import Effect, NamedValues, Parameter, gridded, linear, periodic
 from trunnion.diagnosis.local_errors import BESIDE_PLACE, TIMES_WIDTH, beside, local
 from trunnion.diagnosis.scan import Term, ordinal
+from trunnion.diagnosis.waves import shortest_on_grid
 from trunnion.machine.effects import Owner
 
-Shape = Literal["harmonic", "polynomial", "wave", "jump", "local", "class"]
+Shape = Literal["harmonic", "polynomial", "wave", "alternating", "jump", "local", "class"]
 SHAPES: tuple[str, ...] = get_args(Shape)
 PERIODS = (0.8, 1.25)
 """Between which the period of a wave is sought, in multiples of the one it was found with."""
@@ -66,11 +67,13 @@ class FormulaEffect:
     component
         Direction in which it enters the readings ("X"); empty: all alike.
     shape
-        "harmonic" and "wave": a cos + b sin; "polynomial": Legendre polynomials of s over its
-        range; "jump": from `number` on; "local": a bell about `number`; "class": at one value of s.
+        "harmonic" and "wave": a cos + b sin; "alternating": a wave whose period is two steps of
+        the places, from `low` on, of which these show one phase only; "polynomial": Legendre
+        polynomials of s over its range; "jump": from `number` on; "local": a bell about `number`;
+        "class": at one value of s.
     number
-        Of the harmonic, degree of the polynomial, period of the wave, place of the jump or of the
-        local error.
+        Of the harmonic, degree of the polynomial, period of the wave (or of what alternates), place
+        of the jump or of the local error.
     at
         Value of s that has an effect by itself ("class").
     low, high
@@ -88,6 +91,9 @@ class FormulaEffect:
         start, as beside the drifts of the catalogue.
     width
         Of a local error, between the values of s where it is half as large.
+    shortest
+        Period below which that of a wave is not sought: two steps of a grid of places, which show
+        a shorter wave as a longer one.
 
     Examples
     --------
@@ -117,6 +123,7 @@ class FormulaEffect:
     searched: bool = True
     from_start: bool = False
     width: float = 1.0
+    shortest: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse a formula that is none."""
@@ -130,8 +137,10 @@ class FormulaEffect:
         if whole is not None and self.number not in range(1, whole + 1):
             expected = f"a whole number from 1 to {whole} for a {self.shape}"
             raise InputError(f"number: got {self.number:g}, expected {expected}")
-        if self.shape == "wave" and not 0 < self.number < np.inf:
+        if self.shape in ("wave", "alternating") and not 0 < self.number < np.inf:
             raise InputError(f"number: got {self.number:g}, expected the period, above 0")
+        if not 0 <= self.shortest < np.inf:
+            raise InputError(f"shortest: got {self.shortest:g}, expected a period, or 0 for none")
         if not (np.isfinite(self.number) and -np.inf < self.low < self.high < np.inf):
             raise InputError(f"low, high: got {self.low:g}, {self.high:g}, expected low below high")
         if not 0 < self.turn < np.inf and not (self.shape == "local" and self.turn == 0):
@@ -175,7 +184,15 @@ class FormulaEffect:
             reading_unit=of_reading,
             label=f"unexplained, {term.sentence()}",
             owner=Owner.TIME if v.sequence else Owner.MACHINE,
+            shortest=shortest_on_grid(v, np.unique(values)) if term.kind == "wave" else 0.0,
         )
+
+    @property
+    def alternating(self) -> FormulaEffect | None:
+        """A wave as one that alternates from place to place; None: its period is a longer one."""
+        if self.shape != "wave" or self.shortest < PERIODS[0] * self.number:
+            return None
+        return replace(self, shape="alternating", number=self.shortest)
 
     @property
     def from_start_if_in_time(self) -> FormulaEffect:
@@ -229,6 +246,8 @@ class FormulaEffect:
                 return (f"{'step' if self.shape == 'jump' else 'offset'}{end}",)
             case "local":
                 return (f"height{end}", *self._searched)
+            case "alternating":
+                return (f"a{end}",)
         return (f"a{end}", f"b{end}", *self._searched)
 
     @property
@@ -262,12 +281,13 @@ class FormulaEffect:
         )
 
     def _period(self) -> Parameter:
-        low, high = (self.number * share for share in PERIODS)
+        low, high = (max(self.number * share, self.shortest) for share in PERIODS)
         step = 1.0 + WAVES_A_STEP * self.number / max(self.high - self.low, self.number)
         below = int(np.log(1 / PERIODS[0]) / np.log(step))
         above = int(np.log(PERIODS[1]) / np.log(step))
-        grid = tuple(float(self.number * step**k) for k in range(-below, above + 1))
-        return Parameter(self._in_its_unit("period"), self.unit, grid, (low, high))
+        grid = (float(self.number * step**k) for k in range(-below, above + 1))
+        tried = tuple(dict.fromkeys(max(p, low) for p in grid))
+        return Parameter(self._in_its_unit("period"), self.unit, tried, (low, high))
 
     def bound(self, data: Any, described: Described | None = None) -> Effect:
         """Return it bound to data; ``described``: their model, if there is one.
@@ -328,6 +348,9 @@ class FormulaEffect:
                 return np.asarray(np.polynomial.legendre.legvander(x, int(self.number))[:, 1:])
             case "local":
                 return local(s, self.number, self.width, self.turn or None)[:, None]
+            case "alternating":
+                angle = 2 * np.pi * (s - self.low) / self.number
+                return np.asarray(np.cos(angle))[:, None]
         rate = self.number / self.turn if self.shape == "harmonic" else 1 / self.number
         angle = 2 * np.pi * rate * s
         return np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -354,6 +377,9 @@ class FormulaEffect:
             case "wave":
                 p = "p the period" if self.searched else f"p = {self.number:g} {self.unit}".rstrip()
                 text = f"a cos(2π s/p) + b sin(2π s/p), {s}, {p}"
+            case "alternating":
+                place = f"(s − {self.low:g})" if self.low else "s"
+                text = f"a cos(2π {place}/p), {s}, p = {self.number:g} {self.unit}".rstrip()
             case "polynomial":
                 terms = " + ".join(f"c{k + 1} {LEGENDRE[k]}" for k in range(int(self.number)))
                 middle, half = (self.high + self.low) / 2, (self.high - self.low) / 2
@@ -378,6 +404,9 @@ class FormulaEffect:
             case "polynomial":
                 x = f"x = (s - {(self.high + self.low) / 2!r}) / {(self.high - self.low) / 2!r}"
                 body = f"np.polynomial.legendre.legval(x, [0.0, {', '.join(at)}])"
+            case "alternating":
+                x = f"angle = 2 * np.pi * (s - {self.low!r}) / {self.number!r}"
+                body = f"{at[0]} * np.cos(angle)"
             case "jump":
                 x, body = "", f"{at[0]} * (s >= {self.number!r})"
             case "local":

@@ -15,10 +15,9 @@ import numpy as np
 from scipy import special
 
 from trunnion.base.resolution import Floor
-from trunnion.base.rotation import cosine_sine
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Flags, Floats, Integers
-from trunnion.diagnosis.columns import AT_HAND, ROUNDING, storage
+from trunnion.diagnosis.columns import ROUNDING, storage
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.functions import DEPENDENT, Functions, Jumps, Made, Part, Places
 from trunnion.diagnosis.gains import gains_beside
@@ -27,6 +26,7 @@ from trunnion.diagnosis.local_errors import BESIDE_PLACE, TIMES_WIDTH, local, pl
 from trunnion.diagnosis.model import Covariate, Model
 from trunnion.diagnosis.quantities import Said, at_an_instant, saying, straight
 from trunnion.diagnosis.smooth import over_range, polynomials
+from trunnion.diagnosis.waves import WAVES_BETWEEN, waves, waves_of
 from trunnion.diagnosis.whitening import Scaling, Whiten, identity
 
 SCAN_LEVEL = 0.01
@@ -34,10 +34,6 @@ UNNAMED_TERM_PENALTY = 10.0  # a term has to explain exp(5) times better than ca
 MAX_CLASSES = 512
 HARMONICS = 6
 DEGREE = 4
-WAVES = 10
-WAVES_BETWEEN = np.array(
-    [0.0, -0.25, -0.125, 0.125, 0.25]
-)  # over the range, around one of the scan
 MAX_ALIKE = 2  # readings of a value on average: of more, functions are made once for each value
 
 
@@ -342,8 +338,8 @@ class Dictionary:
             widths = np.repeat(TIMES_WIDTH, len(BESIDE_PLACE)) * width
             columns = local(values, places[:, None], widths[:, None], along.period)[:, None]
         else:
-            waves = (high - low) / float(str(of.number)) + WAVES_BETWEEN
-            columns = _waves(np.pi * waves, over_range(values, low, high)).transpose(1, 0, 2)
+            counts = (high - low) / float(str(of.number)) + WAVES_BETWEEN
+            columns = waves(np.pi * counts, over_range(values, low, high)).transpose(1, 0, 2)
         return self._white(of, along, columns)
 
     def _along(self, of: Term) -> Covariate:
@@ -467,16 +463,16 @@ def _functions_at(values: Floats, x: Said) -> Iterator[tuple[Floats | Jumps, Seq
         turn = 2 * np.pi * values / v.period
         different = len(np.unique(np.round(np.mod(distinct, v.period), 9)))
         orders = np.arange(1, min(HARMONICS, different - 1) + 1)
-        yield _waves(orders, turn), [Some("harmonic", list(orders), 2)]
+        yield waves(orders, turn), [Some("harmonic", list(orders), 2)]
     if straight(v, distinct) and not x.said:
         legendre = polynomials(values, distinct, DEGREE).T
         every = range(1, len(legendre) + 1)
         yield legendre, [Some("polynomial", [k], k) for k in every]
     if v.period is None and not x.said:
         low, high = distinct[0], distinct[-1]
-        waves = np.arange(1.5, min(WAVES, len(distinct) / 3), 0.5)
-        made = _waves(np.pi * waves, over_range(values, low, high))
-        yield made, [Some("wave", list((high - low) / waves), 2)]
+        counts = waves_of(v, distinct)
+        made = waves(np.pi * counts, over_range(values, low, high))
+        yield made, [Some("wave", list((high - low) / counts), 2)]
     if v.sequence:
         places = places_of_jumps(distinct)
         many = Jumps.at(x.values, places) if v.known is None else None
@@ -487,13 +483,3 @@ def _functions_at(values: Floats, x: Said) -> Iterator[tuple[Floats | Jumps, Seq
         made = local(values, places[:, None], widths[:, None], v.period)
         numbers = list(zip(places.tolist(), widths.tolist(), strict=True))
         yield made, [Some("local", numbers)]
-
-
-def _waves(rates: Floats | Integers, x: Floats) -> Floats:
-    """Return the cosine of each multiple, then the sine of each, shape (2, m, n)."""
-    if len(rates) * len(x) <= AT_HAND:
-        return cosine_sine(np.multiply.outer(rates, x))
-    out = np.empty((2, len(rates), len(x)))
-    for i, rate in enumerate(rates):
-        out[:, i] = cosine_sine(rate * x)
-    return out

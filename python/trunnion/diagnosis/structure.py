@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
+from scipy import special
 
 from trunnion.base.errors import DataError
 from trunnion.base.report import Result, Table, uncertainty
@@ -26,7 +27,7 @@ from trunnion.diagnosis.records import (
     value_in_words,
     with_unit,
 )
-from trunnion.diagnosis.scan import Term
+from trunnion.diagnosis.scan import SCAN_LEVEL, Term
 from trunnion.diagnosis.whitening import Whiten
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
@@ -261,17 +262,11 @@ def _tried(kept: Case, term: Term, f: Fit) -> WithTerm:
 def _with_term(kept: Case, term: Term, f: Fit) -> WithTerm:
     """Fit the causes with a term of structure."""
     source = FormulaEffect.of_term(term, kept.model)
-    model = model_with(kept.model, source)
-    added = model.effect(source.id)
-    searched = iter(source.start)
-    start = added.values(0.0 if p.linear else next(searched) for p in added.parameters)
-    effects = [kept.model.effect(name) for name in f.effects]
-    values = {**f.effects, source.id: start}
     try:
-        every = [*effects, added]
-        found = fit(model, kept.rows, every, f.nuisance, values, kept.whiten, f.judged)
+        source, model, found = _likelier(kept, source, f)
     except DataError:
         return WithTerm(None, UNDETERMINED)
+    added = model.effect(source.id)
     if found.rss >= f.rss or found.dof < 1:
         return WithTerm(None, UNDETERMINED)
     whole = replace(kept, model=model)
@@ -289,6 +284,34 @@ def _with_term(kept: Case, term: Term, f: Fit) -> WithTerm:
     source, added = replace(source, label=said), replace(added, label=said)
     whole.model = cast("Model", _ModelWith(kept.model, added, source))
     return WithTerm((whole, found, source), why)
+
+
+def _likelier(kept: Case, source: FormulaEffect, f: Fit) -> tuple[FormulaEffect, Model, Fit]:
+    """Fit the causes with a formula: of a wave with what alternates, unless a period shows itself.
+
+    The nearer a period is to two steps of a grid, the less its places show of a sine beside what
+    alternates, and the less the fit determines either.
+    """
+    model, found = _fitted(kept, source, f)
+    alternating = source.alternating
+    if alternating is None:
+        return source, model, found
+    model_held, held = _fitted(kept, alternating, f)
+    before, after = (kept.floor.deviance(x.rss, held.dof) for x in (held, found))
+    if before - after > special.chdtri(2, SCAN_LEVEL):  # of the period and the other amplitude
+        return source, model, found
+    return alternating, model_held, held
+
+
+def _fitted(kept: Case, source: FormulaEffect, f: Fit) -> tuple[Model, Fit]:
+    """Fit the causes of a fit with a formula beside them."""
+    model = model_with(kept.model, source)
+    added = model.effect(source.id)
+    searched = iter(source.start)
+    start = added.values(0.0 if p.linear else next(searched) for p in added.parameters)
+    every = [*(kept.model.effect(name) for name in f.effects), added]
+    values = {**f.effects, source.id: start}
+    return model, fit(model, kept.rows, every, f.nuisance, values, kept.whiten, f.judged)
 
 
 def placed(e: Explanation, source: FormulaEffect | None, f: Fit) -> Explanation:
