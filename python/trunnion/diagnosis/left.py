@@ -27,15 +27,17 @@ from trunnion.diagnosis.linearised import Linearised
 from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.outliers import far_out_beside
 from trunnion.diagnosis.records import rms
-from trunnion.diagnosis.remaining import unexplained
+from trunnion.diagnosis.remaining import depends_on, unexplained
 from trunnion.diagnosis.result import Diagnosis
-from trunnion.diagnosis.scan import Dictionary, beside_a_term
+from trunnion.diagnosis.functions import DEPENDENT
+from trunnion.diagnosis.scan import Dictionary, Term, beside_a_term
 from trunnion.diagnosis.selection import one_by_one
 from trunnion.diagnosis.steps import weights_of
 from trunnion.diagnosis.structure import placed, with_structure
 from trunnion.diagnosis.suspects import rested_on
 from trunnion.diagnosis.whitening import Whiten, sizes_of
 
+MAX_TERMS = 2  # of structure that is taken as a cause is: of more its own diagnosis is asked
 MAX_NONLINEAR = 0.1  # of the rms of the residuals, that is left to the second order
 
 
@@ -97,11 +99,18 @@ def left_one_by_one(case: Case) -> Left | None:
         return None
     causes = one_by_one(case.candidates, plain.white, floor=case.floor)
     basis, white = plain.basis, plain.white
+    d, seen = case.dictionary, list[tuple[Term, float]]()
     columns = [case.candidates.columns(b).T.astype(np.float64) for b in causes.blocks]
     if columns:
         own = orth(np.concatenate(columns, axis=1), rcond=case.candidates.dependent)
-        basis = np.concatenate([basis, own], axis=1)
-        white = white - own @ (own.T @ white)
+        basis, white = _with(own, basis, white)
+    while (term := beside_a_term(d, white, basis, case.floor)[2]) is not None:
+        if sizes is None or len(seen) == MAX_TERMS:
+            return None
+        before, block = float(white @ white), d.block(term)
+        block = block - basis @ (basis.T @ block)
+        basis, white = _with(orth(block, rcond=float(np.sqrt(DEPENDENT))), basis, white)
+        seen.append((d.term(term), 1.0 - float(white @ white) / before))
     rss, dof = float(white @ white), n - basis.shape[1]
     if sizes is None:
         after = _beside(case, causes.blocks)
@@ -113,8 +122,6 @@ def left_one_by_one(case: Case) -> Left | None:
         len(far_out_beside(basis, white, case.least_noise)) or _rest_on_one(columns, plain, white)
     ):
         return None
-    if beside_a_term(case.dictionary, white, basis, case.floor)[1] < dof:
-        return None
     rows = np.asarray(case.model.readings.rows)
     return Left(
         plain.residuals,
@@ -122,7 +129,7 @@ def left_one_by_one(case: Case) -> Left | None:
         rows,
         (),
         plain.dof - dof,
-        None,
+        depends_on(seen[:1]) if seen else None,
         case.linearised,
         case.whiten,
         case.grid,
@@ -130,6 +137,11 @@ def left_one_by_one(case: Case) -> Left | None:
         candidates=case.candidates.multiplicity,
         columns=_kept(case),
     )
+
+
+def _with(own: Floats, basis: Floats, white: Floats) -> tuple[Floats, Floats]:
+    """A basis with further columns, orthonormal too, and what these leave of white residuals."""
+    return np.concatenate([basis, own], axis=1), white - own @ (own.T @ white)
 
 
 def _kept(case: Case) -> Candidates | None:

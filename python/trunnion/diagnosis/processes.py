@@ -89,7 +89,8 @@ def share_of_noise(
             return min(float(floor.noise(float(beside @ beside), dof) / noise), 1.0)
     if terms is None:
         return 1.0
-    return min(float(floor.noise(*beside_a_term(terms, white, basis, floor)) / noise), 1.0)
+    rss, dof, _ = beside_a_term(terms, white, basis, floor)
+    return min(float(floor.noise(rss, dof) / noise), 1.0)
 
 
 def _compared(

@@ -24,12 +24,17 @@ def unexplained(case: Case, e: Explanation) -> str | None:
     if found := _remaining(case, e.fit, e.terms):
         return found
     if e.terms:
-        (first, share), *others = e.terms
-        text = f"the residual depends on {first.sentence()}: {100 * share:.0f} % of its variance"
-        if others:
-            text += "; equally consistent with " + " or ".join(t.sentence() for t, _ in others)
-        return text
+        return depends_on(e.terms)
     return e.note
+
+
+def depends_on(terms: Sequence[tuple[Term, float]]) -> str:
+    """Say what a residual depends on, with the share of its variance, and what it may be instead."""
+    (first, share), *others = terms
+    text = f"the residual depends on {first.sentence()}: {100 * share:.0f} % of its variance"
+    if others:
+        text += "; equally consistent with " + " or ".join(t.sentence() for t, _ in others)
+    return text
 
 
 def _remaining(case: Case, f: Fit, terms: Sequence[tuple[Term, float]]) -> str | None:

@@ -400,12 +400,14 @@ class Dictionary:
         return gain
 
 
-def beside_a_term(d: Dictionary, white: Floats, basis: Floats, floor: Floor) -> tuple[float, int]:
+def beside_a_term(
+    d: Dictionary, white: Floats, basis: Floats, floor: Floor
+) -> tuple[float, int, int | None]:
     """Sum of squares that the likeliest term leaves of white residuals, its degrees of freedom.
 
-    Of residuals (n,) that no term explains better than causes and chance do: their own. One term,
-    as a diagnosis states one: further ones would take from the noise what causes are judged by.
-    ``basis``: of what is fitted, orthonormal (n, q).
+    And its number. Of residuals (n,) that no term explains better than causes and chance do: their
+    own. One term, as a diagnosis states one: further ones would take from the noise what causes are
+    judged by. ``basis``: of what is fitted, orthonormal (n, q).
     """
     rss, dof = float(white @ white), len(white) - basis.shape[1]
     gain, rank = d.gains(white, basis)
@@ -414,9 +416,9 @@ def beside_a_term(d: Dictionary, white: Floats, basis: Floats, floor: Floor) -> 
     worth = floor.deviance(rss, dof) - floor.deviance(left, dof) - chance
     worth[(rank < 1) | (rank >= dof)] = -np.inf
     if np.max(worth, initial=-np.inf) <= 0:
-        return rss, dof
+        return rss, dof, None
     best = int(np.argmax(worth))
-    return float(left[best]), dof - int(rank[best])
+    return float(left[best]), dof - int(rank[best]), best
 
 
 class Some(NamedTuple):
