@@ -93,7 +93,19 @@ def without_noise(data: tn.Positioning) -> tn.Positioning:
     return once.with_columns(measured_mm=once.target * (1 + 2e-5))
 
 
-@pytest.mark.parametrize("spoilt", [bad, knocked, in_steps, without_noise])
+def test_structure_is_taken_from_what_causes_leave() -> None:
+    """A bump along the axis and no cause: the noise is that beside it, as in its own diagnosis."""
+    for seed in range(6):
+        model = model_of(knocked(stops(seed, ("scale",))))
+        d, left = tn.diagnose(model), left_one_by_one(case_of(model))
+        assert left is not None
+        assert left.unexplained is not None
+        assert d.unexplained is not None
+        dof = len(left.after) - left.parameters - len(model.nuisance)
+        assert left.after @ left.after / dof == pytest.approx(NOISE_UM**2, rel=0.5)
+
+
+@pytest.mark.parametrize("spoilt", [bad, in_steps, without_noise])
 def test_more_than_noise_is_left_to_the_own_diagnosis(
     spoilt: Callable[[tn.Positioning], tn.Positioning],
 ) -> None:

@@ -27,7 +27,9 @@ from trunnion.base.units import Flags, Floats
 RANK_TOLERANCE = _core.RANK_TOLERANCE
 """Share of the largest singular value up to which one counts as zero."""
 MANY_ROWS = 1 << 14
-"""Rows from which the triangular factor comes from inner products."""
+"""Rows from which memory counts: no array of them is made that is not needed."""
+QUICK_ROWS = 1 << 10
+"""Rows from which the triangular factor comes from inner products, which is quicker."""
 FACTORED_ROWS = 1024  # of these at a time: they stay in the processor's cache
 MAX_SQUARE = 1e6  # condition of inner products, up to which these will do
 EPS = float(np.finfo(np.float64).eps)
@@ -94,7 +96,7 @@ def linear_fit(
     """
     columns, values = np.asarray(columns, dtype=np.float64), np.asarray(values, dtype=np.float64)
     held = [] if hold is None else np.asarray(hold, dtype=bool).tolist()
-    if columns.ndim != 2 or values.shape != columns.shape[:1] or len(columns) < MANY_ROWS:
+    if columns.ndim != 2 or values.shape != columns.shape[:1] or len(columns) < QUICK_ROWS:
         return LinearFit(*_core.linear_fit(columns, values, held, tolerance, basis))
     with one_blas_thread():
         factor = quick_factor(columns, values)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from trunnion.base.errors import DataError, KinematicsError
 from trunnion.base.statistics import (
     MANY_ROWS,
+    QUICK_ROWS,
     LinearFit,
     Spanned,
     basis_of,
@@ -227,7 +228,7 @@ class _Step:
     def of(cls, columns: Array, mixed: Array | None, w: Array, tolerance: float) -> "_Step":
         """Solve for the lengths of a step in each direction to whitened residuals ``w``."""
         factor = None
-        if len(columns) >= MANY_ROWS:
+        if len(columns) >= QUICK_ROWS:
             factor = quick_factor(columns, w, mixed)
             rows, right = factor[:, :-1], factor[:, -1]
         else:
@@ -242,7 +243,7 @@ class _Step:
         fixed share of the one before, and a dozen do not arrive (Anderson 1965, of one step back).
         """
         own = self.found.solution
-        if last is None or self.factor is None:
+        if last is None or self.factor is None or len(self.columns) < MANY_ROWS:
             return own
         fell = own - last.solution
         along = self.factor[:, :-1] @ fell

@@ -1,8 +1,9 @@
 """What is left of the readings of one of several measurements, before they are diagnosed together.
 
 The causes are found together: of each measurement alone it is asked what noise it has, and whether
-readings are to be set aside. Causes taken one after the other leave about the noise that the best
-set leaves. Where what they leave shows anything else, its own diagnosis says what that is.
+readings are to be set aside. Causes taken one after the other, and structure beside them, leave
+about the noise that the best set leaves. Where what they leave shows anything else, its own
+diagnosis says what that is.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.explain import LINEAR_ERROR
 from trunnion.diagnosis.explanation import Explanation
 from trunnion.diagnosis.fit import Fit, variant_columns
+from trunnion.diagnosis.functions import DEPENDENT
 from trunnion.diagnosis.in_steps import as_read
 from trunnion.diagnosis.linearised import Linearised
 from trunnion.diagnosis.noise import Whitener
@@ -29,7 +31,6 @@ from trunnion.diagnosis.outliers import far_out_beside
 from trunnion.diagnosis.records import rms
 from trunnion.diagnosis.remaining import depends_on, unexplained
 from trunnion.diagnosis.result import Diagnosis
-from trunnion.diagnosis.functions import DEPENDENT
 from trunnion.diagnosis.scan import Dictionary, Term, beside_a_term
 from trunnion.diagnosis.selection import one_by_one
 from trunnion.diagnosis.steps import weights_of
@@ -88,9 +89,9 @@ class Left:
 def left_one_by_one(case: Case) -> Left | None:
     """Return what causes leave that are found one after the other; None: that may not do.
 
-    It does where all that they leave is stationary noise, and not next to nothing: no reading is
-    far out, no cause rests on one, no structure is seen, steps of readings do not matter, and what
-    the causes change is proportional to their sizes.
+    It does where all that they leave is stationary noise, but for one or two terms of structure,
+    and not next to nothing: no reading is far out, no cause rests on one, steps of readings do not
+    matter, and what the causes change is proportional to their sizes.
     """
     plain, n = case.plain, len(case.rows)
     sizes = sizes_of(case.whiten, n)

@@ -29,7 +29,7 @@ def unexplained(case: Case, e: Explanation) -> str | None:
 
 
 def depends_on(terms: Sequence[tuple[Term, float]]) -> str:
-    """Say what a residual depends on, with the share of its variance, and what it may be instead."""
+    """Say what a residual depends on, its share of the variance, and what it may be instead."""
     (first, share), *others = terms
     text = f"the residual depends on {first.sentence()}: {100 * share:.0f} % of its variance"
     if others:

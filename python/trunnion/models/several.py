@@ -223,7 +223,8 @@ def joined(
         shared = not_shared(one.data, others)
         said = (*one.notes, *shared, *frame_notes(one.data), *time_notes(one.data))
         notes += [f"{part.name}: {n}" for n in said]
-        if one.alone.unexplained is not None:
+        # unless what is left of all says what it depends on
+        if one.alone.unexplained is not None and f" of {part.name} (" not in f"{found.unexplained}":
             notes.append(f"{part.name} alone: {one.alone.unexplained}.")
     return replace(
         found,
