@@ -156,6 +156,7 @@ def example(shape: str) -> tn.FormulaEffect:
             "number": 31.0,
             "low": -50.0,
             "high": 50.0,
+            "shortest": 20.0,
         },
         "alternating": {
             "shape": "alternating",

@@ -57,6 +57,28 @@ def test_a_curve_of_time_without_a_cause_is_in_the_standard_errors(curve: str, p
     assert "model selection" in d.budget(("EX0C",)).to_json()
 
 
+def test_structure_of_one_measurement_leaves_nothing_open_of_another() -> None:
+    """A wave in the ball-bar's readings only, which say nothing of EX0C."""
+    made, twin, _, setup = ground("rich")
+    truth = Truth(errors={}, placement=random_placement(np.random.default_rng(4)), effects={})
+    still = tn.Touches(measure(made, twin, truth, noise_um=0.3, seed=4).columns)
+    turn = np.radians(np.arange(0.0, 720.0, 2.0))
+    x, y = 100.0 * np.cos(turn), 100.0 * np.sin(turn)
+    noise = 3e-4 * np.random.default_rng(5).standard_normal(len(turn))
+    circle = tn.Ballbar(
+        setup=np.ones(len(turn), dtype=int),
+        x_mm=x,
+        y_mm=y,
+        length_mm=100.0 + 3e-3 * np.sin(2 * np.pi * y / 47.0) * np.cos(turn) + noise,
+        sense=np.where(turn < 2 * np.pi, 1, -1),
+        feed_mm_min=np.full(len(turn), 1000.0),
+    )
+    alone, together = tn.diagnose(still, setup), tn.diagnose([still, circle], setup)
+    assert together.structure is not None
+    assert together.structure.effect.covariate.endswith(" of ballbar")
+    assert together.errors_std["EX0C"] == pytest.approx(alone.errors_std["EX0C"], rel=0.2)
+
+
 def test_structure_is_fitted_beside_causes_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """When idle causes are sought; the report takes that fit."""
     fitted: list[tuple[str, ...]] = []

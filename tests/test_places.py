@@ -86,6 +86,19 @@ def test_targets_that_are_meant_are_kept(kind: str) -> None:
         assert not data.notes
 
 
+def test_two_targets_of_every_pass_are_two() -> None:
+    """2.8 mm apart beside others far from each other; not so where a pass stops at one of two."""
+    rng = np.random.default_rng(8)
+    plain = axis(rng)
+    low = plain.target == plain.target.min()
+    near = plain[low].with_columns(target_mm=plain[low].target + 2.8)
+    data = tn.Positioning.concatenate([plain, near])
+    assert len(data.stops[0]) == len(plain.stops[0]) + 1
+    assert not data.notes
+    one_of_two = plain.target + np.where(low, 0.001 * rng.integers(0, 2, len(plain)), 0.0)
+    assert len(plain.with_columns(target_mm=one_of_two).stops[0]) == len(plain.stops[0])
+
+
 def test_the_last_bit_of_a_number_makes_no_target() -> None:
     data = axis(np.random.default_rng(2))
     up = data.direction > 0

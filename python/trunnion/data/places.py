@@ -16,7 +16,10 @@ MIN_UNSHARED = 0.2
 MAX_OF_DIRECTION = 10.0
 """Width of a place over the scatter in one direction: beyond, each has targets of its own."""
 MAX_AGAIN = 0.5
-"""Of the stops of a pass: more that are at one place are targets within it, which were meant."""
+"""Of the stops of a pass: more that are at one place are targets within it, which were meant.
+
+And of the passes at a place: two targets that each is in more are two that were meant.
+"""
 MEAN_SIGMAS = 4.0
 """A mean may lie so many standard errors beside the number that was meant."""
 SWEEPS = 20
@@ -89,7 +92,7 @@ class _Stops(NamedTuple):
         They differ from pass to pass at one place, but not by what a pass shifts all targets; and
         no pass stops at several targets of a place.
         """
-        if self._again(index) > MAX_AGAIN:
+        if self._again(index) > MAX_AGAIN or self._meant(index):
             return False
         cell = index
         if len(np.unique(self.passes)) > 2:  # in each direction by itself
@@ -106,6 +109,21 @@ class _Stops(NamedTuple):
         stop = _numbered(index, self.passes)
         targets = _numbered(stop, self.target).max() + 1
         return float(targets / (stop.max() + 1) - 1)
+
+    def _meant(self, index: Integers) -> bool:
+        """Whether most passes stop at the same two targets of a place, which both were meant."""
+        own = _numbered(index, self.target)
+        _, first = np.unique(own, return_index=True)
+        of = index[first]  # the place of each target
+        each, every = (_passes_at(x, self.passes) for x in (own, index))
+        common = each > MAX_AGAIN * every[of]
+        return bool(np.bincount(of[common], minlength=1).max() > 1)
+
+
+def _passes_at(label: Integers, passes: Integers) -> Integers:
+    """Count of the passes that have each label."""
+    _, first = np.unique(_numbered(label, passes), return_index=True)
+    return np.bincount(label[first])
 
 
 def _numbered(*labels: NDArray[Any]) -> Integers:

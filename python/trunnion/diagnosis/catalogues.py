@@ -25,10 +25,11 @@ GROUP = "trunnion.effects"
 """Entry points of packages that bring effects: an effect, a list of them, a function that returns
 one, or the path of a file of effects."""
 _FIELDS = {f.name: f for f in fields(FormulaEffect)}
-_TAKES: dict[str, tuple[Any, str]] = {
-    **dict.fromkeys(("number", "low", "high", "turn", "width"), (int | float, "a number")),
-    **dict.fromkeys(("searched", "from_start"), (bool, "true or false")),
+_TAKES: dict[Any, tuple[Any, str]] = {
+    "float": (int | float, "a number"),
+    "bool": (bool, "true or false"),
 }
+"""What a field takes, by its annotation; all others a text."""
 HEAD = """# Effects of one's own, for `trunnion diagnose --effects` and `tn.read_effects`.
 # `data` is the kind of readings that an effect changes, `covariate` what it depends on.
 """
@@ -156,7 +157,7 @@ def _effect(text: TomlText, i: int, table: Any) -> FormulaEffect:
                 raise text.error(where, f"got {value!r}, {expected}", at_value=True)
             values[name] = Owner(value)
             continue
-        kind, what = _TAKES.get(name, (str, "a text"))
+        kind, what = _TAKES.get(_FIELDS[name].type, (str, "a text"))
         if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
             raise text.error(where, f"got {value!r}, expected {what}", at_value=True)
         values[name] = float(value) if what == "a number" else value

@@ -33,6 +33,8 @@ WAVES_A_STEP = 0.25
 """Of the range, by which neighbouring periods of the search differ."""
 SMOOTH = ("polynomial", "wave")
 """Shapes that have a value at the start of a measurement."""
+PERIODIC = ("harmonic", "alternating")
+"""Shapes whose mean over a turn or a period is known to be zero."""
 LEGENDRE = ("x", "(3x² − 1)/2", "(5x³ − 3x)/2", "(35x⁴ − 30x² + 3)/8")
 
 
@@ -315,10 +317,7 @@ class FormulaEffect:
             raise InputError(
                 f"effect {self.id!r}: unit: got {self.unit!r}, expected {expected} {self.covariate}"
             )
-        s, enters = np.asarray(place.values), described.components.get(self.component)
-        weight = np.ones(len(s)) if enters is None else np.asarray(enters, dtype=np.float64)
-        if place.known is not None:
-            weight = weight * place.known
+        s, weight = np.asarray(place.values), self.weights(described)
         more: dict[str, Any] = {"label": self.label, "owner": self.owner}
         if self.shape == "local" and self.searched:
             named = tuple(p if isinstance(p, str) else p.name for p in self.parameters)
@@ -330,6 +329,13 @@ class FormulaEffect:
                 parts.append((np.full(len(s), self.low), -weight))
             return periodic(self.id, self._searched[0], parts, unit=self._suffix, **more)
         return linear(self.id, self.parameters, weight[:, None] * self.columns_at(s), **more)
+
+    def weights(self, described: Described) -> Floats:
+        """How it enters each reading of data that have its quantity, shape (n,)."""
+        place = next(v for v in described.covariates if v.name == self.covariate)
+        enters = described.components.get(self.component)
+        weight = np.ones(len(place.values)) if enters is None else np.asarray(enters, dtype=float)
+        return weight if place.known is None else weight * place.known
 
     def columns_at(self, s: Any) -> Floats:
         """Functions of the quantity, one column a linear parameter."""
@@ -378,7 +384,8 @@ class FormulaEffect:
                 p = "p the period" if self.searched else f"p = {self.number:g} {self.unit}".rstrip()
                 text = f"a cos(2π s/p) + b sin(2π s/p), {s}, {p}"
             case "alternating":
-                place = f"(s − {self.low:g})" if self.low else "s"
+                sign = "+" if self.low < 0 else "−"
+                place = f"(s {sign} {abs(self.low):g})" if self.low else "s"
                 text = f"a cos(2π {place}/p), {s}, p = {self.number:g} {self.unit}".rstrip()
             case "polynomial":
                 terms = " + ".join(f"c{k + 1} {LEGENDRE[k]}" for k in range(int(self.number)))

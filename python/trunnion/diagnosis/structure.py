@@ -17,7 +17,7 @@ from trunnion.diagnosis.cross_validation import better
 from trunnion.diagnosis.effect import Effect, EffectValues, Values
 from trunnion.diagnosis.explanation import Explanation
 from trunnion.diagnosis.fit import Fit, fit
-from trunnion.diagnosis.formula import SMOOTH, FormulaEffect
+from trunnion.diagnosis.formula import PERIODIC, FormulaEffect
 from trunnion.diagnosis.functions import DEPENDENT
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.records import (
@@ -357,8 +357,9 @@ def left_open(
 
     Structure that is stated and not fitted (``source``: None) may move them as if it were; one that
     is fitted may be wrong by all that it moves, where the data hardly distinguish the two. A smooth
-    function of time or of a place has no known zero: errors of the machine are those at its mean,
-    and may be off by as much as is seen of it, as far as the readings do not tell (GUM, type B).
+    function of time or of a place has no known zero: errors of the machine are those of its mean
+    line, and may be off by as much as is seen of it, as far as the readings do not tell (GUM, type
+    B).
     ``variance``: of a white reading.
     """
     if not e.terms or kept.dependent:
@@ -378,18 +379,28 @@ def left_open(
         size = np.linalg.lstsq(left, f.white, rcond=float(np.sqrt(DEPENDENT)))[0]
         moved = absorbed @ (white @ size)
     out = np.outer(moved, moved)
-    if found.shape not in SMOOTH and not (found.owner is Owner.TIME and found.shape != "jump"):
+    known_zero = ("jump", "class") if found.owner is Owner.TIME else ("jump", "class", *PERIODIC)
+    if found.shape in known_zero:
         return out
-    enters = np.asarray(model.components.get(found.component, np.ones(len(columns))))
-    level = kept.white(enters)
-    seen = level - f.basis @ (f.basis.T @ level)
-    used = kept.rows[np.abs(enters[kept.rows]) > np.abs(enters).max() / 2]
-    largest = float(np.max(np.abs((columns @ size)[used] / enters[used]), initial=0.0))
-    weight = float(seen @ seen) / max(variance, TINY)
-    free = 1.0 / (weight + 1.0 / max(largest, TINY) ** 2)  # variance of the level
-    mean = free * float(seen @ f.white) / max(variance, TINY)
-    off = absorbed @ level
-    return np.asarray(out + np.outer(off, off) * (free + mean**2))
+    weight = found.weights(model)
+    used = kept.rows[np.abs(weight[kept.rows]) > np.abs(weight).max() / 2]
+    largest = float(np.max(np.abs((columns @ size)[used] / weight[used]), initial=0.0))
+    line = kept.white(_line(found, model, weight))
+    seen = line - f.basis @ (f.basis.T @ line)
+    scale = max(variance, TINY)
+    free = np.linalg.inv(seen.T @ seen / scale + np.eye(line.shape[1]) / max(largest, TINY) ** 2)
+    mean = free @ (seen.T @ f.white) / scale
+    off = absorbed @ line
+    return np.asarray(out + off @ (free + np.outer(mean, mean)) @ off.T)
+
+
+def _line(source: FormulaEffect, model: Model, weight: Floats) -> Floats:
+    """A constant that enters as a formula does, and a slope, that polynomials have, (n, 1 or 2)."""
+    if source.shape == "polynomial":
+        return weight[:, None]
+    s = next(v.values for v in model.covariates if v.name == source.covariate)
+    x = 2 * (np.asarray(s, dtype=np.float64) - source.low) / (source.high - source.low) - 1
+    return np.column_stack([weight, weight * x])
 
 
 def notes_of_structure(
