@@ -57,22 +57,28 @@ def test_a_curve_of_time_without_a_cause_is_in_the_standard_errors(curve: str, p
     assert "model selection" in d.budget(("EX0C",)).to_json()
 
 
+def with_a_wave(wave: Callable[[Floats, Floats], Floats], seed: int) -> tn.Ballbar:
+    """Two turns of a circle, of which the length is off by a function of the angle and Y, in mm."""
+    turn = np.radians(np.arange(0.0, 720.0, 2.0))
+    x, y = 100.0 * np.cos(turn), 100.0 * np.sin(turn)
+    noise = 3e-4 * np.random.default_rng(seed).standard_normal(len(turn))
+    return tn.Ballbar(
+        setup=np.ones(len(turn), dtype=int),
+        x_mm=x,
+        y_mm=y,
+        length_mm=100.0 + wave(turn, y) + noise,
+        sense=np.where(turn < 2 * np.pi, 1, -1),
+        feed_mm_min=np.full(len(turn), 1000.0),
+        time_s=6.0 * turn,
+    )
+
+
 def test_structure_of_one_measurement_leaves_nothing_open_of_another() -> None:
     """A wave in the ball-bar's readings only, which say nothing of EX0C."""
     made, twin, _, setup = ground("rich")
     truth = Truth(errors={}, placement=random_placement(np.random.default_rng(4)), effects={})
     still = tn.Touches(measure(made, twin, truth, noise_um=0.3, seed=4).columns)
-    turn = np.radians(np.arange(0.0, 720.0, 2.0))
-    x, y = 100.0 * np.cos(turn), 100.0 * np.sin(turn)
-    noise = 3e-4 * np.random.default_rng(5).standard_normal(len(turn))
-    circle = tn.Ballbar(
-        setup=np.ones(len(turn), dtype=int),
-        x_mm=x,
-        y_mm=y,
-        length_mm=100.0 + 3e-3 * np.sin(2 * np.pi * y / 47.0) * np.cos(turn) + noise,
-        sense=np.where(turn < 2 * np.pi, 1, -1),
-        feed_mm_min=np.full(len(turn), 1000.0),
-    )
+    circle = with_a_wave(lambda turn, y: 3e-3 * np.sin(2 * np.pi * y / 47.0) * np.cos(turn), 5)
     alone, together = tn.diagnose(still, setup), tn.diagnose([still, circle], setup)
     assert together.structure is not None
     assert together.structure.effect.covariate.endswith(" of ballbar")
@@ -135,3 +141,23 @@ def test_a_curve_of_a_place_without_a_cause_is_in_the_standard_errors(
     assert 1.0 < d.errors_std["EX0C"] < 6.0
     assert d.errors_std["EY0C"] < 0.3  # in which the curve does not enter
     assert any("leaves open: EX0C ± " in note for note in d.notes)
+
+
+def test_structure_of_each_of_two_measurements_is_in_the_standard_errors() -> None:
+    """A wave in time of a circle is stated; one along Y of the touches leaves EX0C open, too."""
+    for seed in (1, 2, 3):
+        rng = np.random.default_rng(seed)
+        truth = Truth(errors=random_errors(rng), placement=random_placement(rng), effects={})
+        made, twin, _, setup = ground("rich")
+        measured = measure(made, twin, truth, noise_um=0.3, seed=seed)
+        columns = {k: np.array(v) for k, v in measured.columns.items()}
+        place = columns["y_mm"]
+        moved_um = 4.0 * np.sin(2 * np.pi * (place / 44.0 + rng.uniform()))
+        along = columns["dir_x"] * moved_um * 1e-3
+        for axis in "xyz":
+            columns[f"{axis}_mm"] -= along * columns[f"dir_{axis}"]
+        circle = with_a_wave(lambda turn, _: 3e-3 * np.sin(12.3 * turn), seed)
+        d = tn.diagnose([tn.Touches(columns), circle], setup)
+        assert abs(d.errors_after["EX0C"] - truth.errors["EX0C"]) < 2 * d.errors_std["EX0C"]
+        assert d.errors_std["EX0C"] > 1.0
+        assert d.errors_std["EY0C"] < 0.3

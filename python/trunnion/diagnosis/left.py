@@ -23,15 +23,15 @@ from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.explain import LINEAR_ERROR
 from trunnion.diagnosis.explanation import Explanation
 from trunnion.diagnosis.fit import Fit, variant_columns
-from trunnion.diagnosis.functions import DEPENDENT
 from trunnion.diagnosis.in_steps import as_read
+from trunnion.diagnosis.likely_terms import terms_one_by_one
 from trunnion.diagnosis.linearised import Linearised
 from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.outliers import far_out_beside
 from trunnion.diagnosis.records import rms
 from trunnion.diagnosis.remaining import depends_on, unexplained
 from trunnion.diagnosis.result import Diagnosis
-from trunnion.diagnosis.scan import Dictionary, Term, beside_a_term
+from trunnion.diagnosis.scan import Dictionary
 from trunnion.diagnosis.selection import one_by_one
 from trunnion.diagnosis.steps import weights_of
 from trunnion.diagnosis.structure import placed, with_structure
@@ -100,18 +100,15 @@ def left_one_by_one(case: Case) -> Left | None:
         return None
     causes = one_by_one(case.candidates, plain.white, floor=case.floor)
     basis, white = plain.basis, plain.white
-    d, seen = case.dictionary, list[tuple[Term, float]]()
+    d = case.dictionary
     columns = [case.candidates.columns(b).T.astype(np.float64) for b in causes.blocks]
     if columns:
         own = orth(np.concatenate(columns, axis=1), rcond=case.candidates.dependent)
-        basis, white = _with(own, basis, white)
-    while (term := beside_a_term(d, white, basis, case.floor)[2]) is not None:
-        if sizes is None or len(seen) == MAX_TERMS:
-            return None
-        before, block = float(white @ white), d.block(term)
-        block = block - basis @ (basis.T @ block)
-        basis, white = _with(orth(block, rcond=float(np.sqrt(DEPENDENT))), basis, white)
-        seen.append((d.term(term), 1.0 - float(white @ white) / before))
+        basis = np.concatenate([basis, own], axis=1)
+        white = white - own @ (own.T @ white)
+    seen, white, basis = terms_one_by_one(d, white, basis, case.floor, MAX_TERMS + 1)
+    if len(seen) > MAX_TERMS or (seen and sizes is None):
+        return None
     rss, dof = float(white @ white), n - basis.shape[1]
     if sizes is None:
         after = _beside(case, causes.blocks)
@@ -130,7 +127,7 @@ def left_one_by_one(case: Case) -> Left | None:
         rows,
         (),
         plain.dof - dof,
-        depends_on(seen[:1]) if seen else None,
+        depends_on([(d.term(number), share) for number, share in seen[:1]]) if seen else None,
         case.linearised,
         case.whiten,
         case.grid,
@@ -138,11 +135,6 @@ def left_one_by_one(case: Case) -> Left | None:
         candidates=case.candidates.multiplicity,
         columns=_kept(case),
     )
-
-
-def _with(own: Floats, basis: Floats, white: Floats) -> tuple[Floats, Floats]:
-    """A basis with further columns, orthonormal too, and what these leave of white residuals."""
-    return np.concatenate([basis, own], axis=1), white - own @ (own.T @ white)
 
 
 def _kept(case: Case) -> Candidates | None:

@@ -13,10 +13,11 @@ from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.coloured import InProcess
 from trunnion.diagnosis.columns import DEPENDENT
+from trunnion.diagnosis.likely_terms import beside_a_term
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.probability import Beside
 from trunnion.diagnosis.quantities import smooth_functions
-from trunnion.diagnosis.scan import Dictionary, beside_a_term
+from trunnion.diagnosis.scan import Dictionary
 from trunnion.diagnosis.selection import REACH, WITHIN, Found, search
 from trunnion.diagnosis.smooth import Along, Sums, mean_deviance
 from trunnion.diagnosis.whitening import Whiten

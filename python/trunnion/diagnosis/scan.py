@@ -14,7 +14,6 @@ from typing import NamedTuple, cast
 import numpy as np
 from scipy import special
 
-from trunnion.base.resolution import Floor
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.columns import ROUNDING, storage
@@ -398,27 +397,6 @@ class Dictionary:
             most = np.max((left.T @ r[:, own]) ** 2 / square[:, None], axis=0)
             gain[term, own] = np.maximum(gain[term, own], most)
         return gain
-
-
-def beside_a_term(
-    d: Dictionary, white: Floats, basis: Floats, floor: Floor
-) -> tuple[float, int, int | None]:
-    """Sum of squares that the likeliest term leaves of white residuals, its degrees of freedom.
-
-    And its number. Of residuals (n,) that no term explains better than causes and chance do: their
-    own. One term, as a diagnosis states one: further ones would take from the noise what causes are
-    judged by. ``basis``: of what is fitted, orthonormal (n, q).
-    """
-    rss, dof = float(white @ white), len(white) - basis.shape[1]
-    gain, rank = d.gains(white, basis)
-    left = np.maximum(rss - gain, ROUNDING * rss)
-    chance = d.chance_of(rank) + UNNAMED_TERM_PENALTY
-    worth = floor.deviance(rss, dof) - floor.deviance(left, dof) - chance
-    worth[(rank < 1) | (rank >= dof)] = -np.inf
-    if np.max(worth, initial=-np.inf) <= 0:
-        return rss, dof, None
-    best = int(np.argmax(worth))
-    return float(left[best]), dof - int(rank[best]), best
 
 
 class Some(NamedTuple):

@@ -14,11 +14,12 @@ from trunnion.base.report import Result, Table, uncertainty
 from trunnion.base.units import Floats, Integers, unit_of
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.cross_validation import better
-from trunnion.diagnosis.effect import Effect, EffectValues, Values
+from trunnion.diagnosis.effect import Effect, EffectValues, NamedValues, Values
 from trunnion.diagnosis.explanation import Explanation
 from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.formula import PERIODIC, FormulaEffect
 from trunnion.diagnosis.functions import DEPENDENT
+from trunnion.diagnosis.likely_terms import terms_one_by_one
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.records import (
     MAX_WORST,
@@ -27,12 +28,13 @@ from trunnion.diagnosis.records import (
     value_in_words,
     with_unit,
 )
-from trunnion.diagnosis.scan import SCAN_LEVEL, Term
+from trunnion.diagnosis.scan import SCAN_LEVEL, Dictionary, Term
 from trunnion.diagnosis.whitening import Whiten
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 
 TINY = 1e-300
+MAX_FURTHER = 3  # terms of structure beside the one that is stated
 WHY_NOT = "nobody has named what makes it"
 NOT_FITTED = "What the residual depends on is stated, and not in the extended model"
 INCOMPLETE = (
@@ -351,7 +353,12 @@ def _may_be_off(without: Fit, found: Fit) -> Floats:
 
 
 def left_open(
-    kept: Case, e: Explanation, f: Fit, source: FormulaEffect | None, variance: float
+    kept: Case,
+    e: Explanation,
+    f: Fit,
+    source: FormulaEffect | None,
+    variance: float,
+    terms: Dictionary,
 ) -> Floats:
     """What structure leaves open of the parameters of a fit: mean squares, shape (p + k, p + k).
 
@@ -359,33 +366,48 @@ def left_open(
     is fitted may be wrong by all that it moves, where the data hardly distinguish the two. A smooth
     function of time or of a place has no known zero: errors of the machine are those of its mean
     line, and may be off by as much as is seen of it, as far as the readings do not tell (GUM, type
-    B).
-    ``variance``: of a white reading.
+    B). ``variance``: of a white reading; ``terms``: of which further ones may be seen beside it, as
+    of several measurements each has structure of its own.
     """
     if not e.terms or kept.dependent:
         return np.zeros_like(f.covariance)
-    model, fitted = kept.model, source is not None
-    found = source or FormulaEffect.of_term(e.terms[0][0], model)
-    held, values = found.at_values(f.effects[found.id] if fitted else {})
+    if source is None:
+        out = _open_of(kept, f, FormulaEffect.of_term(e.terms[0][0], kept.model), variance)
+    else:
+        moved = _may_be_off(e.fit if e.sets else kept.plain, f)
+        out = np.outer(moved, moved) + _open_of(kept, f, source, variance, f.effects[source.id])
+    further = terms_one_by_one(terms, f.white, f.basis, kept.floor, MAX_FURTHER)[0]
+    for number, _ in further:
+        beside = FormulaEffect.of_term(terms.term(number), kept.model)
+        out = out + _open_of(kept, f, beside, variance)
+    return out
+
+
+def _open_of(
+    kept: Case, f: Fit, source: FormulaEffect, variance: float, fitted: NamedValues | None = None
+) -> Floats:
+    """What structure of a formula leaves open; ``fitted``: its values, if it is in the fit."""
+    model = kept.model
+    held, values = source.at_values(fitted or {})
     effect = held.bound(model.data, model)
     columns = effect.columns(effect.values(0.0 for _ in effect.parameters))
     absorbed = f.covariance @ kept.white(f.jacobian).T
-    if fitted:
+    moved = np.zeros(len(f.covariance))
+    if fitted is not None:
         size = np.array(list(values.values()))
-        moved = _may_be_off(e.fit if e.sets else kept.plain, f)
     else:
         white = kept.white(columns)
         left = white - f.basis @ (f.basis.T @ white)
         size = np.linalg.lstsq(left, f.white, rcond=float(np.sqrt(DEPENDENT)))[0]
         moved = absorbed @ (white @ size)
     out = np.outer(moved, moved)
-    known_zero = ("jump", "class") if found.owner is Owner.TIME else ("jump", "class", *PERIODIC)
-    if found.shape in known_zero:
+    timed = source.owner is Owner.TIME
+    if source.shape in ("jump", "class", *(() if timed else PERIODIC)):
         return out
-    weight = found.weights(model)
+    weight = source.weights(model)
     used = kept.rows[np.abs(weight[kept.rows]) > np.abs(weight).max() / 2]
     largest = float(np.max(np.abs((columns @ size)[used] / weight[used]), initial=0.0))
-    line = kept.white(_line(found, model, weight))
+    line = kept.white(_line(source, model, weight))
     seen = line - f.basis @ (f.basis.T @ line)
     scale = max(variance, TINY)
     free = np.linalg.inv(seen.T @ seen / scale + np.eye(line.shape[1]) / max(largest, TINY) ** 2)
