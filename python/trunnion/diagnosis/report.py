@@ -81,7 +81,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     left = f.residuals - kept.shared(f)
     gain = _gain(kept, rows, plain, f, left)
     of_sets = Doubt.of(kept, f, alternatives, variance, growth)
-    open_ = left_open(kept, e, f, source, variance, before.dictionary)
+    open_ = left_open(kept, e, f, source, variance, before)
     shape = shape_in_doubt(kept, f, model.effects, variance)
     doubt = of_sets.beside(open_)
     grown = replace(f, covariance=f.covariance * np.outer(growth, growth))

@@ -28,7 +28,7 @@ from trunnion.diagnosis.records import (
     value_in_words,
     with_unit,
 )
-from trunnion.diagnosis.scan import SCAN_LEVEL, Dictionary, Term
+from trunnion.diagnosis.scan import SCAN_LEVEL, Term
 from trunnion.diagnosis.whitening import Whiten
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
@@ -358,7 +358,7 @@ def left_open(
     f: Fit,
     source: FormulaEffect | None,
     variance: float,
-    terms: Dictionary,
+    before: Case,
 ) -> Floats:
     """What structure leaves open of the parameters of a fit: mean squares, shape (p + k, p + k).
 
@@ -366,8 +366,8 @@ def left_open(
     is fitted may be wrong by all that it moves, where the data hardly distinguish the two. A smooth
     function of time or of a place has no known zero: errors of the machine are those of its mean
     line, and may be off by as much as is seen of it, as far as the readings do not tell (GUM, type
-    B). ``variance``: of a white reading; ``terms``: of which further ones may be seen beside it, as
-    of several measurements each has structure of its own.
+    B). ``variance``: of a white reading; ``before``: the case without structure in its model, of
+    which further terms may be seen, as of several measurements each has structure of its own.
     """
     if not e.terms or kept.dependent:
         return np.zeros_like(f.covariance)
@@ -376,6 +376,7 @@ def left_open(
     else:
         moved = _may_be_off(e.fit if e.sets else kept.plain, f)
         out = np.outer(moved, moved) + _open_of(kept, f, source, variance, f.effects[source.id])
+    terms = before.dictionary
     further = terms_one_by_one(terms, f.white, f.basis, kept.floor, MAX_FURTHER)[0]
     for number, _ in further:
         beside = FormulaEffect.of_term(terms.term(number), kept.model)
@@ -417,11 +418,14 @@ def _open_of(
 
 
 def _line(source: FormulaEffect, model: Model, weight: Floats) -> Floats:
-    """A constant that enters as a formula does, and a slope, that polynomials have, (n, 1 or 2)."""
-    if source.shape == "polynomial":
+    """A constant that enters as a formula does, and a slope where a wave may have one; (n, 1 or 2).
+
+    A polynomial has its own, what is local none, and there is none along an angle that comes round.
+    """
+    v = next(v for v in model.covariates if v.name == source.covariate)
+    if source.shape != "wave" or v.period is not None:
         return weight[:, None]
-    s = next(v.values for v in model.covariates if v.name == source.covariate)
-    x = 2 * (np.asarray(s, dtype=np.float64) - source.low) / (source.high - source.low) - 1
+    x = 2 * (np.asarray(v.values, dtype=np.float64) - source.low) / (source.high - source.low) - 1
     return np.column_stack([weight, weight * x])
 
 
