@@ -91,6 +91,10 @@ power-coverage: build  ## do uncertainties of location errors hold: 2,000 cases,
 power-warming: build  ## the same beside warm-ups of shapes that the catalogue does not have, ten minutes, into docs/results/power-warming.md
 	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.warming --runs 12 --seed 31 --out ../docs/results/power-warming.md
 
+.PHONY: power-curves
+power-curves: build  ## do they hold beside curves of a guide, and are short waves on a plate seen: two minutes, printed
+	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.curves
+
 .PHONY: power-ticks
 power-ticks: build  ## the same for readings on a servo's grid, half an hour, into docs/results/power-ticks.md
 	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.ticks --out ../docs/results/power-ticks.md

@@ -4,38 +4,7 @@ import numpy as np
 import pytest
 
 import trunnion as tn
-
-NOISE_UM = 0.5
-
-
-def plate(
-    seed: int,
-    count: int,
-    step_mm: float,
-    size_um: float,
-    period_mm: float,
-    *,
-    meander: bool = False,
-    noise_um: tuple[float, float] = (NOISE_UM, NOISE_UM),
-) -> tn.Points:
-    """A square grid measured in random order or row by row, to and fro; X has a wave along Y."""
-    rng = np.random.default_rng(seed)
-    x, y = (a.ravel() for a in np.meshgrid(*[np.arange(count) * step_mm] * 2))
-    rows = np.arange(len(x)).reshape(count, count)
-    rows[1::2] = rows[1::2, ::-1]
-    order = rows.ravel() if meander else rng.permutation(len(x))
-    x, y = x[order], y[order]
-    phase = rng.uniform(0, 6.28) if period_mm > 2 * step_mm else np.pi / 2
-    wave = size_um * np.sin(2 * np.pi * y / period_mm + phase)
-    noise = np.array(noise_um)[:, None] * rng.standard_normal((2, len(x)))
-    turn = rng.normal(0.0, 5e-5)
-    return tn.Points(
-        nominal_x_mm=x,
-        nominal_y_mm=y,
-        x_mm=x + 1e-3 * (wave + noise[0]) - turn * y + 0.013,
-        y_mm=y + 1e-3 * noise[1] + turn * x - 0.021,
-        time_s=20.0 * np.arange(len(x)),
-    )
+from power.curves import NOISE_UM, plate
 
 
 @pytest.mark.parametrize("size_um", [2.0, 4.0])

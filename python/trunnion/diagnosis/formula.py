@@ -20,6 +20,7 @@ from trunnion.base.units import Floats, suffix_of
 from trunnion.diagnosis.effect import Effect, NamedValues, Parameter, gridded, linear, periodic
 from trunnion.diagnosis.local_errors import BESIDE_PLACE, TIMES_WIDTH, beside, local
 from trunnion.diagnosis.scan import Term, ordinal
+from trunnion.diagnosis.smooth import over_range
 from trunnion.diagnosis.waves import shortest_on_grid
 from trunnion.machine.effects import Owner
 
@@ -350,7 +351,7 @@ class FormulaEffect:
             case "jump":
                 return np.asarray(s >= self.number, dtype=np.float64)[:, None]
             case "polynomial":
-                x = 2 * (s - self.low) / (self.high - self.low) - 1
+                x = over_range(s, self.low, self.high)
                 return np.asarray(np.polynomial.legendre.legvander(x, int(self.number))[:, 1:])
             case "local":
                 return local(s, self.number, self.width, self.turn or None)[:, None]

@@ -106,8 +106,9 @@ def left_one_by_one(case: Case) -> Left | None:
         own = orth(np.concatenate(columns, axis=1), rcond=case.candidates.dependent)
         basis = np.concatenate([basis, own], axis=1)
         white = white - own @ (own.T @ white)
-    seen, white, basis = terms_one_by_one(d, white, basis, case.floor, MAX_TERMS + 1)
-    if len(seen) > MAX_TERMS or (seen and sizes is None):
+    most = 0 if sizes is None else MAX_TERMS
+    seen, white, basis = terms_one_by_one(d, white, basis, case.floor, most + 1)
+    if len(seen) > most:
         return None
     rss, dof = float(white @ white), n - basis.shape[1]
     if sizes is None:

@@ -29,6 +29,7 @@ from trunnion.diagnosis.records import (
     with_unit,
 )
 from trunnion.diagnosis.scan import SCAN_LEVEL, Term
+from trunnion.diagnosis.smooth import over_range
 from trunnion.diagnosis.whitening import Whiten
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
@@ -371,28 +372,38 @@ def left_open(
     """
     if not e.terms or kept.dependent:
         return np.zeros_like(f.covariance)
+    d, out = before.dictionary, np.zeros_like(f.covariance)
+    further = terms_one_by_one(d, f.white, f.basis, kept.floor, MAX_FURTHER)[0]
+    others = [d.term(number) for number, _ in further]
+    absorbed = f.covariance @ kept.white(f.jacobian).T
     if source is None:
-        out = _open_of(kept, f, FormulaEffect.of_term(e.terms[0][0], kept.model), variance)
+        others = [e.terms[0][0], *others]
     else:
         moved = _may_be_off(e.fit if e.sets else kept.plain, f)
-        out = np.outer(moved, moved) + _open_of(kept, f, source, variance, f.effects[source.id])
-    terms = before.dictionary
-    further = terms_one_by_one(terms, f.white, f.basis, kept.floor, MAX_FURTHER)[0]
-    for number, _ in further:
-        beside = FormulaEffect.of_term(terms.term(number), kept.model)
-        out = out + _open_of(kept, f, beside, variance)
+        fitted = _open_of(kept, f, source, variance, absorbed, f.effects[source.id])
+        out = np.outer(moved, moved) + fitted
+    for term in others:
+        out = out + _open_of(kept, f, FormulaEffect.of_term(term, kept.model), variance, absorbed)
     return out
 
 
 def _open_of(
-    kept: Case, f: Fit, source: FormulaEffect, variance: float, fitted: NamedValues | None = None
+    kept: Case,
+    f: Fit,
+    source: FormulaEffect,
+    variance: float,
+    absorbed: Floats,
+    fitted: NamedValues | None = None,
 ) -> Floats:
-    """What structure of a formula leaves open; ``fitted``: its values, if it is in the fit."""
+    """What structure of a formula leaves open.
+
+    ``absorbed``: by how much a white reading moves each parameter; ``fitted``: the values of the
+    formula, if it is in the fit.
+    """
     model = kept.model
     held, values = source.at_values(fitted or {})
     effect = held.bound(model.data, model)
     columns = effect.columns(effect.values(0.0 for _ in effect.parameters))
-    absorbed = f.covariance @ kept.white(f.jacobian).T
     moved = np.zeros(len(f.covariance))
     if fitted is not None:
         size = np.array(list(values.values()))
@@ -425,7 +436,7 @@ def _line(source: FormulaEffect, model: Model, weight: Floats) -> Floats:
     v = next(v for v in model.covariates if v.name == source.covariate)
     if source.shape != "wave" or v.period is not None:
         return weight[:, None]
-    x = 2 * (np.asarray(v.values, dtype=np.float64) - source.low) / (source.high - source.low) - 1
+    x = over_range(np.asarray(v.values, dtype=np.float64), source.low, source.high)
     return np.column_stack([weight, weight * x])
 
 
