@@ -7,6 +7,7 @@ import pytest
 
 import trunnion as tn
 from positioning_twin import axis
+from power.one_machine import drawn
 from power.study import ground
 from twin.forward import Truth
 from twin.generator import Unknown, measure, random_errors, random_placement
@@ -72,3 +73,11 @@ def test_an_error_along_an_axis_is_said_of_it_and_names_no_cause_of_sound_stops(
     assert d.unexplained is not None
     assert " of touches" in d.unexplained
     assert not {i for i in d.named if i.startswith("positioning:") or i in OF_STOPS}, d.named
+
+
+def test_structure_takes_no_cause_that_touches_name_alone() -> None:
+    """A scale of X and a cycle in time; the axis log of the machine says nothing of either."""
+    made = drawn(("touches", "axislog"), 0, 23)
+    assert made.shared == {"scale_x"}
+    assert "scale_x" in tn.diagnose(made.data[0], made.setup).named
+    assert "scale_x" in tn.diagnose(made.data, made.setup).named

@@ -29,6 +29,7 @@ from trunnion.diagnosis.dependence import growth as growth_by_dependence
 from trunnion.diagnosis.dependence import growth_apart
 from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.fit import Fit, Flags, fit
+from trunnion.diagnosis.likely_terms import terms_one_by_one
 from trunnion.diagnosis.linearised import Linearised
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.noise import Whitener
@@ -253,10 +254,11 @@ class Case:
         place = np.arange(len(others))
         groups = [g for g in (*(place[at] for at in apart), place[others]) if len(g)]
         groups = [np.flatnonzero(np.isin(self.rows, g)) for g in groups]
-        taken, least = np.sum(f.basis**2, axis=1), self.floor.variance
+        # structure competes with the causes only after these: what it explains is no noise of them
+        _, left, basis = terms_one_by_one(self.dictionary, f.white, f.basis, self.floor, len(apart))
+        taken, least = np.sum(basis**2, axis=1), self.floor.variance
         share = [
-            max(float(f.white[g] @ f.white[g]) / max(len(g) - taken[g].sum(), 1.0), least)
-            for g in groups
+            max(float(left[g] @ left[g]) / max(len(g) - taken[g].sum(), 1.0), least) for g in groups
         ]
         white = self.white(f.jacobian)
         return growth_apart(white, f.covariance, np.array(share) / variance, groups)
