@@ -161,3 +161,36 @@ def test_structure_of_each_of_two_measurements_is_in_the_standard_errors() -> No
         assert abs(d.errors_after["EX0C"] - truth.errors["EX0C"]) < 2 * d.errors_std["EX0C"]
         assert d.errors_std["EX0C"] > 1.0
         assert d.errors_std["EY0C"] < 0.3
+
+
+@pytest.mark.parametrize("longer_um", [0.0, 30.0])
+def test_the_mean_of_a_drift_may_be_all_of_a_length(longer_um: float) -> None:
+    """A drift that begins at 0 has a mean; a bar that is off by far more than the drift is off."""
+
+    def drift(turn: Floats, _: Floats) -> Floats:
+        return np.asarray(1e-3 * (5.0 * (turn / turn.max()) ** 3 + longer_um))
+
+    d = tn.diagnose(with_a_wave(drift, 3))
+    assert d.verdict == "unexplained"
+    (length,) = (cause for cause in d.causes if cause.id == "ballbar_length")
+    off = abs(length.parameters["dl_um"] - longer_um)
+    assert off < 2.0 * length.std_errors["dl_um"]
+    if longer_um:
+        assert length.probability > 0.99
+        assert d.none_probability < 0.01
+    else:
+        assert length.probability < 0.2
+        assert length.p_value > 0.1
+        assert d.none_probability > 0.5
+
+
+def test_large_causes_do_not_hide_structure_that_is_small_beside_them() -> None:
+    """A wave of 1 µm beside a bar that is 40 µm too long is as unexplained as it is alone."""
+
+    def wave(turn: Floats, _: Floats) -> Floats:
+        return np.asarray(1e-3 * (np.sin(5.0 * turn) + 40.0))
+
+    d = tn.diagnose(with_a_wave(wave, 4))
+    assert "ballbar_length" in d.named
+    assert d.verdict == "unexplained"
+    assert d.unexplained is not None

@@ -12,6 +12,10 @@ say little of it, and it keeps the odds that it has beforehand, one among all ca
 mean likelihood of its sizes, even where the search did not look at it, or not at it again because
 nothing determines its size.
 
+What structure without a name leaves open of a cause (the mean of a smooth drift, of the length of a
+ball-bar) may be all that is seen of it: the weight of a set is shared with that without it, by the
+mean likelihood of its sizes as far as they are known (:func:`chance_in_doubt`).
+
 An effect that may hide behind others (:attr:`.effect.Effect.least`) is supposed and not fitted: its
 sets have the weight of the likelihood times the odds of one more cause beforehand.
 """
@@ -20,16 +24,17 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+from scipy import special
 
 from trunnion.base.units import Floats
 from trunnion.diagnosis.candidates import NAMING_LEVEL, Candidates
-from trunnion.diagnosis.evidence import SIZES, Evidence
+from trunnion.diagnosis.evidence import RANGE, SIZES, Evidence
 from trunnion.diagnosis.scorer import SCORE_DIGITS
 from trunnion.diagnosis.selection import TINY, Found, Search
 
@@ -82,6 +87,10 @@ class Weighed(Protocol):
         """Return those with these sets that have an effect behind the others."""
         ...
 
+    def in_doubt(self, chances: Mapping[int, float]) -> Weighed:
+        """Return those of which causes, where a set has them, act with such a probability."""
+        ...
+
 
 @dataclass(frozen=True)
 class Only:
@@ -102,6 +111,10 @@ class Only:
         """Return these: nothing more than they fits exactly."""
         return self
 
+    def in_doubt(self, chances: Mapping[int, float]) -> Only:  # noqa: ARG002
+        """Return these: nothing is left that would leave a cause open."""
+        return self
+
 
 @dataclass(frozen=True)
 class Probabilities:
@@ -117,16 +130,23 @@ class Probabilities:
         Smooth errors of no known form that stand in the noise instead, with their sets.
     behind:
         Sets with an effect behind the others.
+    doubts:
+        Probabilities of causes that may be in a set and need not act: something else makes that.
     """
 
     search: Search
     candidates: Candidates
     processes: Sequence[Beside] = ()
     behind: Sequence[Behind] = ()
+    doubts: Mapping[int, float] = field(default_factory=dict)
 
     def with_behind(self, behind: Sequence[Behind]) -> Probabilities:
         """Return those with these sets that have an effect behind the others."""
         return replace(self, behind=behind)
+
+    def in_doubt(self, chances: Mapping[int, float]) -> Probabilities:
+        """Return those of which causes, where a set has them, act with such a probability."""
+        return replace(self, doubts={self._leader.get(j, j): p for j, p in chances.items()})
 
     @property
     def none(self) -> float:
@@ -193,6 +213,11 @@ class Probabilities:
         weights = dict(self._weights)
         for mask, weight in self._unseen():
             weights[mask] = max(weight, weights.get(mask, 0.0))
+        for j, chance in self.doubts.items():
+            for mask in [mask for mask in weights if mask >> j & 1]:
+                without = mask ^ 1 << j
+                weights[without] = weights.get(without, 0.0) + (1.0 - chance) * weights[mask]
+                weights[mask] *= chance
         for mask, weight in weights.items():
             causes = mask & self._catalogue
             out[causes] = out.get(causes, 0.0) + weight
@@ -291,17 +316,32 @@ class Probabilities:
         }
 
 
+def chance_in_doubt(c: Candidates, cause: int, certain: float, known: float) -> float:
+    """Probability that a cause of a set acts, of which something else may make a part.
+
+    Its size over the standard error, as if nothing else did, and as far as it is known.
+    """
+    own = np.flatnonzero(c.owner == cause)
+    least = np.sqrt(c.chance[own].min()) * known / certain
+    # one that is larger than the range is a cause of that size all the same
+    times = max(1.0, 2 * known / (RANGE * least))
+    longer = 1.0 + math.log(times) / math.log(RANGE)
+    likely = _mean_likelihood(np.array([known]), np.array([least]), SIZES**longer)
+    odds = likely[0] * longer * c.level[cause] / NAMING_LEVEL
+    return float(special.expit(np.log(odds)))  # they may be inf
+
+
 def _mask(members: Collection[int]) -> int:
     """Set of candidates as a bit each."""
     return sum(1 << m for m in members)
 
 
-def _mean_likelihood(seen: Floats, least: Floats) -> Floats:
+def _mean_likelihood(seen: Floats, least: Floats, sizes: Floats = SIZES) -> Floats:
     """Likelihood of a cause over that without it, mean over its sizes, shape (b,).
 
     ``seen``: what is seen of it beside the others, in standard errors; ``least``: what would be of
-    the smallest that is seen by itself.
+    the smallest that is seen by itself; ``sizes``: over that, logarithmically uniform.
     """
-    size = SIZES[:, None] * least
+    size = sizes[:, None] * least
     either = np.exp(size * (seen - size / 2)) + np.exp(-size * (seen + size / 2))
     return np.asarray(np.mean(either, axis=0) / 2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,13 +19,13 @@ from trunnion.diagnosis.fit import Fit, confounded, first_values, variant_column
 from trunnion.diagnosis.in_steps import as_read
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.moments import moment_errors, other_optima
+from trunnion.diagnosis.probability import chance_in_doubt
 from trunnion.diagnosis.records import (
     Alternative,
     Cause,
     Gain,
     Residuals,
     Verdict,
-    rms,
     units_of,
     with_unit,
 )
@@ -60,7 +60,7 @@ MIDDLE = "errors and sizes are those in the middle of all machines that give the
 MIN_SHARE = 0.25  # of the variance of a reading, from which its rounding is mentioned
 MAX_STEPS = 3
 TINY = 1e-300
-CLEAR = 0.2  # of the rms, that causes may leave unexplained and still explain the data
+SURE = 0.9  # of what is seen of a cause in standard errors, from which structure leaves it as it is
 
 
 def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
@@ -68,10 +68,9 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
 
     ``case``: of all readings.
     """
-    e = with_behind(e)
-    model, alternatives = case.model, _alternatives(case, e)
+    e, model = with_behind(e), case.model
     rows, kept = np.flatnonzero(kept_rows(len(model.readings), dropped)), case.without(dropped)
-    named = e.fit if alternatives else kept.plain
+    named = e.fit if e.sets else kept.plain
     every, plain = as_read(case, case.plain)[0], as_read(kept, kept.plain)[0]
     stated, before = why_stated(kept, e.terms, named), kept
     kept, f, source = with_structure(before, e.terms, named)
@@ -80,16 +79,17 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     f, growth, read = _values(kept, f, variance)
     left = f.residuals - kept.shared(f)
     gain = _gain(kept, rows, plain, f, left)
-    of_sets = Doubt.of(kept, f, alternatives, variance, growth)
     open_ = left_open(kept, e, f, source, variance, before)
+    alternatives = _alternatives(case, e := _in_doubt(kept, e, f, open_))
+    of_sets = Doubt.of(kept, f, alternatives, variance, growth)
     shape = shape_in_doubt(kept, f, model.effects, variance)
     doubt = of_sets.beside(open_)
     grown = replace(f, covariance=f.covariance * np.outer(growth, growth))
     wide = replace(f, covariance=doubt.covariance + shape)
+    as_far = replace(grown, covariance=grown.covariance + open_ / max(variance, TINY))
     sigma = _sigma(model, variance, gain, len(rows) / max(f.dof, 1))
     std = _errors_std(model, wide, 1.0)
     doubts, rivals = _doubts(model, of_sets, alternatives, std)
-    shown = set(f.effects).union(*(a.causes for a in alternatives))
     lost, parts = _absorbed(kept, e.candidates, std, grown)
     others = Others.of(kept, grown, variance) if std or is_small(kept) else None
     weak = unnoticed_of(kept, grown, std, others, lost)
@@ -98,8 +98,8 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     in_doubt = (*notes_of_structure(model, open_, std), *notes_of_shape(model, f, shape, std))
     notes = (*stated, *in_doubt, *_notes(case, f, variance, sigma, read=read))
     return Diagnosis(
-        verdict=_verdict(said, before, rows, before.plain, named, len(alternatives), len(dropped)),
-        causes=_causes(kept, e, grown, variance, wide, alternatives),
+        verdict=_verdict(said, e, len(alternatives), len(dropped)),
+        causes=_causes(kept, e, as_far, variance, wide, alternatives),
         evidence=tuple(alternatives),
         gain=gain,
         unexplained=said,
@@ -118,7 +118,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         nuisance_before=_by_name(model, every),
         nuisance_after=_by_name(model, f),
         units={x.name: x.unit for x in model.nuisance},
-        labels={x.id: x.label for x in kept.effects if x.id in shown.union(lost, weak)},
+        labels=_labels(kept, {*f.effects, *lost, *weak}, alternatives),
         residuals=_residuals(kept.model, case.given or every, f, left, rows),
         reservation=model.reservation,
         too_little=too_little(kept, others),
@@ -127,6 +127,36 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         ladder=ladder,
         none_probability=e.probabilities.none,
     )
+
+
+def _in_doubt(case: Case, e: Explanation, f: Fit, open_: Floats) -> Explanation:
+    """Return an explanation with the probabilities of causes that structure leaves open.
+
+    ``open_``: the mean squares that it leaves open, of the parameters of the fit.
+    """
+    out: dict[int, float] = {}
+    variance = float(case.floor.noise(f.rss, f.dof))
+    for j, effect in enumerate(case.effects[: e.candidates.count]):
+        if effect.id not in f.effects or not np.any(open_):
+            continue
+        at = case.columns_of(effect, f)
+        size = np.array([f.effects[effect.id][name] for i, name in f.names if i == effect.id])
+        own = f.covariance[np.ix_(at, at)] * variance
+        both = own + open_[np.ix_(at, at)]
+        if not np.all(np.isfinite(both)):  # nothing determines it
+            continue
+        certain, known = (float(np.sqrt(size @ np.linalg.pinv(x) @ size)) for x in (own, both))
+        if known < SURE * certain:
+            out[j] = chance_in_doubt(e.candidates, j, certain, known)
+    return replace(e, probabilities=e.probabilities.in_doubt(out))
+
+
+def _labels(
+    case: Case, shown: Collection[str], alternatives: Sequence[Alternative]
+) -> dict[str, str]:
+    """Labels of the effects that are shown, or in a set of alternatives."""
+    every = set(shown).union(*(a.causes for a in alternatives))
+    return {x.id: x.label for x in case.effects if x.id in every}
 
 
 def _values(case: Case, f: Fit, variance: float) -> tuple[Fit, Floats, bool]:
@@ -343,20 +373,9 @@ def _alternatives(case: Case, e: Explanation) -> list[Alternative]:
     return [*sets[:1], *sorted(sets[1:], key=lambda a: -a.probability)]
 
 
-def _verdict(
-    unexplained: str | None,
-    case: Case,
-    rows: Integers,
-    plain: Fit,
-    f: Fit,
-    sets: int,
-    outliers: int,
-) -> Verdict:
-    before, after = (case.given or plain).residuals, f.residuals
-    index = units_of(case.model.readings)[1]
-    units = [rows[index[rows] == i] for i in range(index.max() + 1)]
-    clear = sets and all(rms(after[u]) <= CLEAR * rms(before[u]) for u in units if len(u))
-    if unexplained is not None and not clear:
+def _verdict(unexplained: str | None, e: Explanation, sets: int, outliers: int) -> Verdict:
+    # Exact readings leave what formulas to first order miss: no structure of the machine.
+    if unexplained is not None and not (sets and e.assumed > 0):
         return "unexplained"
     if sets > 1:
         return "ambiguous"
