@@ -38,7 +38,7 @@ RUNS = {
     "touches": 1000,
     "points": 700,
     "sweep": 700,
-    "diameters": 1000,
+    "diameters": 2000,
     "ballbar": 800,
     "hybrid ballbar": 800,
     "positioning": 1000,
