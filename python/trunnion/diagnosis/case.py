@@ -366,7 +366,9 @@ class Case:
         return covariance
 
     def _noise_beside(self, grid: Grid, f: Fit) -> float:
-        """Noise beside the rounding that a fit leaves."""
+        """Noise beside the rounding that a fit leaves; 0: that of each reading is known."""
+        if grid.known is not None:
+            return 0.0
         used = np.zeros(len(f.residuals))
         used[self.rows] = f.residuals[self.rows]
         return grid.noise(used, f.dof, f.jacobian, weights_of(self.whiten))
