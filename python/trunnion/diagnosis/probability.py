@@ -12,9 +12,9 @@ say little of it, and it keeps the odds that it has beforehand, one among all ca
 mean likelihood of its sizes, even where the search did not look at it, or not at it again because
 nothing determines its size.
 
-What structure without a name leaves open of a cause (the mean of a smooth drift, of the length of a
-ball-bar) may be all that is seen of it: the weight of a set is shared with that without it, by the
-mean likelihood of its sizes as far as they are known (:func:`chance_in_doubt`).
+The constant of a smooth curve without a name (the mean of a drift, beside the length of a ball-bar)
+may be all that is seen of a cause: the weight of a set is shared with that without it, by the mean
+likelihood of its sizes as far as they are known (:func:`chance_in_doubt`).
 
 An effect that may hide behind others (:attr:`.effect.Effect.least`) is supposed and not fitted: its
 sets have the weight of the likelihood times the odds of one more cause beforehand.

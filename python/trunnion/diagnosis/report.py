@@ -19,7 +19,7 @@ from trunnion.diagnosis.fit import Fit, confounded, first_values, variant_column
 from trunnion.diagnosis.in_steps import as_read
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.moments import moment_errors, other_optima
-from trunnion.diagnosis.probability import chance_in_doubt
+from trunnion.diagnosis.open_structure import in_doubt, left_open, notes_of_structure
 from trunnion.diagnosis.records import (
     Alternative,
     Cause,
@@ -33,14 +33,7 @@ from trunnion.diagnosis.remaining import unexplained
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scatter import Scatter
 from trunnion.diagnosis.shape_in_time import notes_of_shape, shape_in_doubt
-from trunnion.diagnosis.structure import (
-    left_open,
-    notes_of_structure,
-    placed,
-    structure_of,
-    why_stated,
-    with_structure,
-)
+from trunnion.diagnosis.structure import placed, structure_of, why_stated, with_structure
 from trunnion.diagnosis.unnoticed import Others, is_small, names_of, too_little, unnoticed_of
 from trunnion.diagnosis.whitening import correlated
 from trunnion.machine.budget import MODEL, SHAPE, Source, of_readings, root
@@ -60,7 +53,6 @@ MIDDLE = "errors and sizes are those in the middle of all machines that give the
 MIN_SHARE = 0.25  # of the variance of a reading, from which its rounding is mentioned
 MAX_STEPS = 3
 TINY = 1e-300
-SURE = 0.9  # of what is seen of a cause in standard errors, from which structure leaves it as it is
 
 
 def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
@@ -80,13 +72,13 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     left = f.residuals - kept.shared(f)
     gain = _gain(kept, rows, plain, f, left)
     open_ = left_open(kept, e, f, source, variance, before)
-    alternatives = _alternatives(case, e := _in_doubt(kept, e, f, open_))
+    alternatives = _alternatives(case, e := in_doubt(kept, e, f, open_.constant))
     of_sets = Doubt.of(kept, f, alternatives, variance, growth)
     shape = shape_in_doubt(kept, f, model.effects, variance)
-    doubt = of_sets.beside(open_)
+    doubt = of_sets.beside(open_.every)
     grown = replace(f, covariance=f.covariance * np.outer(growth, growth))
     wide = replace(f, covariance=doubt.covariance + shape)
-    as_far = replace(grown, covariance=grown.covariance + open_ / max(variance, TINY))
+    as_far = replace(grown, covariance=grown.covariance + open_.constant / max(variance, TINY))
     sigma = _sigma(model, variance, gain, len(rows) / max(f.dof, 1))
     std = _errors_std(model, wide, 1.0)
     doubts, rivals = _doubts(model, of_sets, alternatives, std)
@@ -95,8 +87,8 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     weak = unnoticed_of(kept, grown, std, others, lost)
     contributions, ladder = contributions_of(kept, case.given or plain, grown, rows)
     known = _uncertainty(kept, f, doubt, shape, sigma, variance)
-    in_doubt = (*notes_of_structure(model, open_, std), *notes_of_shape(model, f, shape, std))
-    notes = (*stated, *in_doubt, *_notes(case, f, variance, sigma, read=read))
+    unsure = (*notes_of_structure(model, open_.every, std), *notes_of_shape(model, f, shape, std))
+    notes = (*stated, *unsure, *_notes(case, f, variance, sigma, read=read))
     return Diagnosis(
         verdict=_verdict(said, e, len(alternatives), len(dropped)),
         causes=_causes(kept, e, as_far, variance, wide, alternatives),
@@ -127,28 +119,6 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         ladder=ladder,
         none_probability=e.probabilities.none,
     )
-
-
-def _in_doubt(case: Case, e: Explanation, f: Fit, open_: Floats) -> Explanation:
-    """Return an explanation with the probabilities of causes that structure leaves open.
-
-    ``open_``: the mean squares that it leaves open, of the parameters of the fit.
-    """
-    out: dict[int, float] = {}
-    variance = float(case.floor.noise(f.rss, f.dof))
-    for j, effect in enumerate(case.effects[: e.candidates.count]):
-        if effect.id not in f.effects or not np.any(open_):
-            continue
-        at = case.columns_of(effect, f)
-        size = np.array([f.effects[effect.id][name] for i, name in f.names if i == effect.id])
-        own = f.covariance[np.ix_(at, at)] * variance
-        both = own + open_[np.ix_(at, at)]
-        if not np.all(np.isfinite(both)):  # nothing determines it
-            continue
-        certain, known = (float(np.sqrt(size @ np.linalg.pinv(x) @ size)) for x in (own, both))
-        if known < SURE * certain:
-            out[j] = chance_in_doubt(e.candidates, j, certain, known)
-    return replace(e, probabilities=e.probabilities.in_doubt(out))
 
 
 def _labels(

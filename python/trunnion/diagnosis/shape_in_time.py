@@ -28,8 +28,8 @@ from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.model import Covariate, Model
+from trunnion.diagnosis.open_structure import notes_of_structure
 from trunnion.diagnosis.smooth import covariances
-from trunnion.diagnosis.structure import notes_of_structure
 from trunnion.machine.effects import Owner
 
 OCTAVES = 6  # of sizes below that of the process, and more down to a quarter of the noise

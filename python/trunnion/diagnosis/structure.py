@@ -10,32 +10,23 @@ import numpy as np
 from scipy import special
 
 from trunnion.base.errors import DataError
-from trunnion.base.report import Result, Table, uncertainty
+from trunnion.base.report import Result, Table
 from trunnion.base.units import Floats, Integers, unit_of
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.cross_validation import better
-from trunnion.diagnosis.effect import Effect, EffectValues, NamedValues, Values
+from trunnion.diagnosis.effect import Effect, EffectValues, Values
 from trunnion.diagnosis.explanation import Explanation
 from trunnion.diagnosis.fit import Fit, fit
-from trunnion.diagnosis.formula import PERIODIC, FormulaEffect
-from trunnion.diagnosis.functions import DEPENDENT
-from trunnion.diagnosis.likely_terms import terms_one_by_one
+from trunnion.diagnosis.formula import FormulaEffect
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.records import (
-    MAX_WORST,
-    MIN_DOUBT,
     parameter_table,
     value_in_words,
-    with_unit,
 )
 from trunnion.diagnosis.scan import SCAN_LEVEL, Term
-from trunnion.diagnosis.smooth import over_range
 from trunnion.diagnosis.whitening import Whiten
-from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 
-TINY = 1e-300
-MAX_FURTHER = 3  # terms of structure beside the one that is stated
 WHY_NOT = "nobody has named what makes it"
 NOT_FITTED = "What the residual depends on is stated, and not in the extended model"
 INCOMPLETE = (
@@ -276,11 +267,11 @@ def _with_term(kept: Case, term: Term, f: Fit) -> WithTerm:
     before, after = kept.cross_validated(f), whole.cross_validated(found)
     if not better(model, kept.rows, before, after):
         return WithTerm(None, f"with it readings are predicted worse from the others; {ELSEWHERE}")
-    wider = _wider(f, found)[len(f.nuisance) :]
+    grown = wider(f, found)[len(f.nuisance) :]
     why = ""
-    if np.max(wider, initial=0.0) > DISTINGUISHED:
-        at = int(np.argmax(wider))
-        times = "not determined" if np.isinf(wider[at]) else f"{wider[at]:.2g} times as wide"
+    if np.max(grown, initial=0.0) > DISTINGUISHED:
+        at = int(np.argmax(grown))
+        times = "not determined" if np.isinf(grown[at]) else f"{grown[at]:.2g} times as wide"
         name = ".".join(f.names[at])
         why = f"beside it the standard error of {name} would be {times}; {ELSEWHERE}"
     said = f"unexplained, {_as_found(term, source, found).sentence()}"
@@ -333,129 +324,12 @@ def _as_found(term: Term, source: FormulaEffect, f: Fit) -> Term:
     return replace(term, number=at.number if term.kind == "wave" else (at.number, at.width))
 
 
-def _wider(without: Fit, found: Fit) -> Floats:
+def wider(without: Fit, found: Fit) -> Floats:
     """How many times as wide structure makes the standard errors of a fit, shape (p + k,)."""
     before = np.sqrt(np.diag(without.covariance))
     after = np.sqrt(np.diag(found.covariance))[: len(before)]
     known = np.isfinite(before) & (before > 0)
     return np.where(known, after / np.where(known, before, 1.0), 0.0)
-
-
-def _may_be_off(without: Fit, found: Fit) -> Floats:
-    """How far off structure may put the parameters of a fit: not, or by all that it moves them."""
-    moved = np.zeros(len(found.covariance))
-    if np.max(_wider(without, found), initial=0.0) > DISTINGUISHED:
-        before, after = (
-            np.array([*f.nuisance, *(f.effects[i][name] for i, name in without.names)])
-            for f in (without, found)
-        )
-        moved[: len(before)] = after - before
-    return moved
-
-
-def left_open(
-    kept: Case,
-    e: Explanation,
-    f: Fit,
-    source: FormulaEffect | None,
-    variance: float,
-    before: Case,
-) -> Floats:
-    """What structure leaves open of the parameters of a fit: mean squares, shape (p + k, p + k).
-
-    Structure that is stated and not fitted (``source``: None) may move them as if it were; one that
-    is fitted may be wrong by all that it moves, where the data hardly distinguish the two. A smooth
-    function of time or of a place has no known zero: errors of the machine are those of its mean
-    line, and may be off by as much as is seen of it, as far as the readings do not tell (GUM, type
-    B). ``variance``: of a white reading; ``before``: the case without structure in its model, of
-    which further terms may be seen, as of several measurements each has structure of its own.
-    """
-    if not e.terms or kept.dependent:
-        return np.zeros_like(f.covariance)
-    d, out = before.dictionary, np.zeros_like(f.covariance)
-    further = terms_one_by_one(d, f.white, f.basis, kept.floor, MAX_FURTHER)[0]
-    others = [d.term(number) for number, _ in further]
-    absorbed = f.covariance @ kept.white(f.jacobian).T
-    if source is None:
-        others = [e.terms[0][0], *others]
-    else:
-        moved = _may_be_off(e.fit if e.sets else kept.plain, f)
-        fitted = _open_of(kept, f, source, variance, absorbed, f.effects[source.id])
-        out = np.outer(moved, moved) + fitted
-    for term in others:
-        out = out + _open_of(kept, f, FormulaEffect.of_term(term, kept.model), variance, absorbed)
-    return out
-
-
-def _open_of(
-    kept: Case,
-    f: Fit,
-    source: FormulaEffect,
-    variance: float,
-    absorbed: Floats,
-    fitted: NamedValues | None = None,
-) -> Floats:
-    """What structure of a formula leaves open.
-
-    ``absorbed``: by how much a white reading moves each parameter; ``fitted``: the values of the
-    formula, if it is in the fit.
-    """
-    model = kept.model
-    held, values = source.at_values(fitted or {})
-    effect = held.bound(model.data, model)
-    columns = effect.columns(effect.values(0.0 for _ in effect.parameters))
-    moved = np.zeros(len(f.covariance))
-    if fitted is not None:
-        size = np.array(list(values.values()))
-    else:
-        white = kept.white(columns)
-        left = white - f.basis @ (f.basis.T @ white)
-        size = np.linalg.lstsq(left, f.white, rcond=float(np.sqrt(DEPENDENT)))[0]
-        moved = absorbed @ (white @ size)
-    out = np.outer(moved, moved)
-    timed = source.owner is Owner.TIME
-    if source.shape in ("jump", "class", *(() if timed else PERIODIC)):
-        return out
-    weight = source.weights(model)
-    used = kept.rows[np.abs(weight[kept.rows]) > np.abs(weight).max() / 2]
-    largest = float(np.max(np.abs((columns @ size)[used] / weight[used]), initial=0.0))
-    line = kept.white(_line(source, model, weight))
-    seen = line - f.basis @ (f.basis.T @ line)
-    scale = max(variance, TINY)
-    free = np.linalg.inv(seen.T @ seen / scale + np.eye(line.shape[1]) / max(largest, TINY) ** 2)
-    mean = free @ (seen.T @ f.white) / scale
-    off = absorbed @ line
-    return np.asarray(out + off @ (free + np.outer(mean, mean)) @ off.T)
-
-
-def _line(source: FormulaEffect, model: Model, weight: Floats) -> Floats:
-    """A constant that enters as a formula does, and a slope where a wave may have one; (n, 1 or 2).
-
-    A polynomial has its own, what is local none, and there is none along an angle that comes round.
-    """
-    v = next(v for v in model.covariates if v.name == source.covariate)
-    if source.shape != "wave" or v.period is not None:
-        return weight[:, None]
-    x = over_range(np.asarray(v.values, dtype=np.float64), source.low, source.high)
-    return np.column_stack([weight, weight * x])
-
-
-def notes_of_structure(
-    model: Model, left: Floats, std: Mapping[str, float], what: str = "the unexplained structure"
-) -> tuple[str, ...]:
-    """Say of which errors of the machine what is left open is most of the uncertainty.
-
-    left: mean squares, (p + k, p + k). std: By name of the error. what: leaves it open.
-    """
-    shares = {
-        x.name: size / std[x.name]
-        for x, size in zip(model.nuisance, np.sqrt(np.diag(left)).tolist(), strict=False)
-        if size and np.isfinite(std.get(x.name, np.inf))
-    }
-    worst = [k for k in sorted(shares, key=lambda k: -shares[k]) if shares[k] > MIN_DOUBT]
-    units = {x.name: x.unit for x in model.nuisance}
-    said = ", ".join(f"{k} ± {with_unit(uncertainty(std[k]), units[k])}" for k in worst[:MAX_WORST])
-    return (f"Mostly what {what} leaves open: {said}.",) if said else ()
 
 
 def structure_of(

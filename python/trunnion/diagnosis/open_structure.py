@@ -1,0 +1,219 @@
+"""What structure without a name leaves open of what is fitted beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from trunnion.base.report import uncertainty
+from trunnion.base.units import Floats
+from trunnion.diagnosis.case import Case
+from trunnion.diagnosis.effect import NamedValues
+from trunnion.diagnosis.explanation import Explanation
+from trunnion.diagnosis.fit import Fit
+from trunnion.diagnosis.formula import PERIODIC, FormulaEffect
+from trunnion.diagnosis.functions import DEPENDENT
+from trunnion.diagnosis.likely_terms import terms_one_by_one
+from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.probability import chance_in_doubt
+from trunnion.diagnosis.records import MAX_WORST, MIN_DOUBT, with_unit
+from trunnion.diagnosis.smooth import over_range
+from trunnion.diagnosis.structure import DISTINGUISHED, wider
+from trunnion.machine.effects import Owner
+
+TINY = 1e-300
+MAX_FURTHER = 3  # terms of structure beside the one that is stated
+SURE = (
+    0.9  # of what is seen of a cause in standard errors, from which a constant leaves it as it is
+)
+
+
+@dataclass(frozen=True)
+class LeftOpen:
+    """What the structure of an explanation leaves open, mean squares, shapes (p + k, p + k).
+
+    Attributes
+    ----------
+    every:
+        Of all that is fitted.
+    constant:
+        The part of it that is the constant of a smooth curve: no set of causes was compared with
+        it, as such a term is taken to be zero on average.
+    """
+
+    every: Floats
+    constant: Floats
+
+
+def left_open(
+    kept: Case,
+    e: Explanation,
+    f: Fit,
+    source: FormulaEffect | None,
+    variance: float,
+    before: Case,
+) -> LeftOpen:
+    """Say what structure leaves open of the parameters of a fit.
+
+    Structure that is stated and not fitted (``source``: None) may move them as if it were; one that
+    is fitted may be wrong by all that it moves, where the data hardly distinguish the two. A smooth
+    function of time or of a place has no known zero: errors of the machine are those of its mean
+    line, and may be off by as much as is seen of it, as far as the readings do not tell (GUM, type
+    B). ``variance``: of a white reading; ``before``: the case without structure in its model, of
+    which further terms may be seen, as of several measurements each has structure of its own.
+    """
+    none = np.zeros_like(f.covariance)
+    if not e.terms or kept.dependent:
+        return LeftOpen(none, none)
+    d = before.dictionary
+    further = terms_one_by_one(d, f.white, f.basis, kept.floor, MAX_FURTHER)[0]
+    others = [FormulaEffect.of_term(d.term(number), kept.model) for number, _ in further]
+    absorbed = f.covariance @ kept.white(f.jacobian).T
+    if source is None:
+        stated = FormulaEffect.of_term(e.terms[0][0], kept.model)
+        first, moved = _Term(kept, f, stated, variance, absorbed), none
+    else:
+        off = _may_be_off(e.fit if e.sets else kept.plain, f)
+        first = _Term(kept, f, source, variance, absorbed, f.effects[source.id])
+        moved = np.outer(off, off)
+    terms = [first, *(_Term(kept, f, term, variance, absorbed) for term in others)]
+    return LeftOpen(moved + np.sum([x.left_open for x in terms], axis=0), first.constant)
+
+
+def in_doubt(case: Case, e: Explanation, f: Fit, constant: Floats) -> Explanation:
+    """Return an explanation with the probabilities of causes that a constant may be instead.
+
+    ``constant``: the mean squares that it leaves open, of the parameters of the fit.
+    """
+    out: dict[int, float] = {}
+    variance = float(case.floor.noise(f.rss, f.dof))
+    for j, effect in enumerate(case.effects[: e.candidates.count]):
+        if effect.id not in f.effects or not np.any(constant):
+            continue
+        at = case.columns_of(effect, f)
+        size = np.array([f.effects[effect.id][name] for i, name in f.names if i == effect.id])
+        own = f.covariance[np.ix_(at, at)] * variance
+        both = own + constant[np.ix_(at, at)]
+        if not np.all(np.isfinite(both)):  # nothing determines it
+            continue
+        certain, known = (float(np.sqrt(size @ np.linalg.pinv(x) @ size)) for x in (own, both))
+        if known < SURE * certain:
+            out[j] = chance_in_doubt(e.candidates, j, certain, known)
+    return replace(e, probabilities=e.probabilities.in_doubt(out))
+
+
+def _may_be_off(without: Fit, found: Fit) -> Floats:
+    """How far off structure may put the parameters of a fit: not, or by all that it moves them."""
+    moved = np.zeros(len(found.covariance))
+    if np.max(wider(without, found), initial=0.0) > DISTINGUISHED:
+        before, after = (
+            np.array([*f.nuisance, *(f.effects[i][name] for i, name in without.names)])
+            for f in (without, found)
+        )
+        moved[: len(before)] = after - before
+    return moved
+
+
+@dataclass(frozen=True, eq=False)
+class _Term:
+    """Structure of a formula beside a fit.
+
+    Attributes
+    ----------
+    variance:
+        Of a white reading.
+    absorbed:
+        By how much a white reading moves each parameter, (p + k, n).
+    fitted:
+        The values of the formula, if it is in the fit.
+    """
+
+    kept: Case
+    f: Fit
+    source: FormulaEffect
+    variance: float
+    absorbed: Floats
+    fitted: NamedValues | None = None
+
+    @property
+    def left_open(self) -> Floats:
+        """What it leaves open."""
+        timed = self.source.owner is Owner.TIME
+        out = np.outer(self._made[2], self._made[2])
+        if self.source.shape in ("jump", "class", *(() if timed else PERIODIC)):
+            return out
+        return np.asarray(out + self._of(_line(self.source, self.kept.model, self._weight)))
+
+    @property
+    def constant(self) -> Floats:
+        """What the constant of a smooth curve leaves open; of others nothing."""
+        if self.source.shape != "polynomial":
+            return np.zeros_like(self.f.covariance)
+        return self._of(self._weight[:, None])
+
+    @cached_property
+    def _weight(self) -> Floats:
+        return self.source.weights(self.kept.model)
+
+    @cached_property
+    def _made(self) -> tuple[Floats, Floats, Floats]:
+        """Its columns (n, k), their sizes (k,), and what it moves that is not fitted (p + k,)."""
+        kept, f, model = self.kept, self.f, self.kept.model
+        held, values = self.source.at_values(self.fitted or {})
+        effect = held.bound(model.data, model)
+        columns = effect.columns(effect.values(0.0 for _ in effect.parameters))
+        if self.fitted is not None:
+            return columns, np.array(list(values.values())), np.zeros(len(f.covariance))
+        white = kept.white(columns)
+        left = white - f.basis @ (f.basis.T @ white)
+        size = np.linalg.lstsq(left, f.white, rcond=float(np.sqrt(DEPENDENT)))[0]
+        return columns, np.asarray(size), np.asarray(self.absorbed @ (white @ size))
+
+    def _of(self, line: Floats) -> Floats:
+        """What a line (n, k) of sizes up to the largest that is seen leaves open."""
+        kept, f, weight = self.kept, self.f, self._weight
+        columns, size, _ = self._made
+        used = kept.rows[np.abs(weight[kept.rows]) > np.abs(weight).max() / 2]
+        largest = float(np.max(np.abs((columns @ size)[used] / weight[used]), initial=0.0))
+        line = kept.white(line)
+        seen = line - f.basis @ (f.basis.T @ line)
+        scale = max(self.variance, TINY)
+        free = np.linalg.inv(
+            seen.T @ seen / scale + np.eye(line.shape[1]) / max(largest, TINY) ** 2
+        )
+        mean = free @ (seen.T @ f.white) / scale
+        off = self.absorbed @ line
+        return np.asarray(off @ (free + np.outer(mean, mean)) @ off.T)
+
+
+def _line(source: FormulaEffect, model: Model, weight: Floats) -> Floats:
+    """A constant that enters as a formula does, and a slope where a wave may have one; (n, 1 or 2).
+
+    A polynomial has its own, what is local none, and there is none along an angle that comes round.
+    """
+    v = next(v for v in model.covariates if v.name == source.covariate)
+    if source.shape != "wave" or v.period is not None:
+        return weight[:, None]
+    x = over_range(np.asarray(v.values, dtype=np.float64), source.low, source.high)
+    return np.column_stack([weight, weight * x])
+
+
+def notes_of_structure(
+    model: Model, left: Floats, std: Mapping[str, float], what: str = "the unexplained structure"
+) -> tuple[str, ...]:
+    """Say of which errors of the machine what is left open is most of the uncertainty.
+
+    left: mean squares, (p + k, p + k). std: By name of the error. what: leaves it open.
+    """
+    shares = {
+        x.name: size / std[x.name]
+        for x, size in zip(model.nuisance, np.sqrt(np.diag(left)).tolist(), strict=False)
+        if size and np.isfinite(std.get(x.name, np.inf))
+    }
+    worst = [k for k in sorted(shares, key=lambda k: -shares[k]) if shares[k] > MIN_DOUBT]
+    units = {x.name: x.unit for x in model.nuisance}
+    said = ", ".join(f"{k} ± {with_unit(uncertainty(std[k]), units[k])}" for k in worst[:MAX_WORST])
+    return (f"Mostly what {what} leaves open: {said}.",) if said else ()
