@@ -26,6 +26,7 @@ from trunnion.diagnosis.records import (
     Gain,
     Residuals,
     Verdict,
+    rms,
     units_of,
     with_unit,
 )
@@ -53,6 +54,7 @@ MIDDLE = "errors and sizes are those in the middle of all machines that give the
 MIN_SHARE = 0.25  # of the variance of a reading, from which its rounding is mentioned
 MAX_STEPS = 3
 TINY = 1e-300
+CLEAR = 0.2  # of the rms, that causes may leave unexplained and still explain the data
 
 
 def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
@@ -90,7 +92,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     unsure = (*notes_of_structure(model, open_.every, std), *notes_of_shape(model, f, shape, std))
     notes = (*stated, *unsure, *_notes(case, f, variance, sigma, read=read))
     return Diagnosis(
-        verdict=_verdict(said, e, len(alternatives), len(dropped)),
+        verdict=_verdict(said, before, rows, before.plain, named, len(alternatives), len(dropped)),
         causes=_causes(kept, e, as_far, variance, wide, alternatives),
         evidence=tuple(alternatives),
         gain=gain,
@@ -343,9 +345,20 @@ def _alternatives(case: Case, e: Explanation) -> list[Alternative]:
     return [*sets[:1], *sorted(sets[1:], key=lambda a: -a.probability)]
 
 
-def _verdict(unexplained: str | None, e: Explanation, sets: int, outliers: int) -> Verdict:
-    # Exact readings leave what formulas to first order miss: no structure of the machine.
-    if unexplained is not None and not (sets and e.assumed > 0):
+def _verdict(
+    unexplained: str | None,
+    case: Case,
+    rows: Integers,
+    plain: Fit,
+    f: Fit,
+    sets: int,
+    outliers: int,
+) -> Verdict:
+    before, after = (case.given or plain).residuals, f.residuals
+    index = units_of(case.model.readings)[1]
+    units = [rows[index[rows] == i] for i in range(index.max() + 1)]
+    clear = sets and all(rms(after[u]) <= CLEAR * rms(before[u]) for u in units if len(u))
+    if unexplained is not None and not clear:
         return "unexplained"
     if sets > 1:
         return "ambiguous"
