@@ -88,10 +88,12 @@ def in_doubt(case: Case, e: Explanation, f: Fit, constant: Floats) -> Explanatio
 
     ``constant``: the mean squares that it leaves open, of the parameters of the fit.
     """
+    if not np.any(constant):
+        return e
     out: dict[int, float] = {}
     variance = float(case.floor.noise(f.rss, f.dof))
     for j, effect in enumerate(case.effects[: e.candidates.count]):
-        if effect.id not in f.effects or not np.any(constant):
+        if effect.id not in f.effects:
             continue
         at = case.columns_of(effect, f)
         size = np.array([f.effects[effect.id][name] for i, name in f.names if i == effect.id])
@@ -102,7 +104,7 @@ def in_doubt(case: Case, e: Explanation, f: Fit, constant: Floats) -> Explanatio
         certain, known = (float(np.sqrt(size @ np.linalg.pinv(x) @ size)) for x in (own, both))
         if known < SURE * certain:
             out[j] = chance_in_doubt(e.candidates, j, certain, known)
-    return replace(e, probabilities=e.probabilities.in_doubt(out))
+    return replace(e, probabilities=e.probabilities.in_doubt(out)) if out else e
 
 
 def _may_be_off(without: Fit, found: Fit) -> Floats:
