@@ -573,6 +573,12 @@ def reversed_approaches(data: tn.Touches) -> tn.Touches:
     return data.with_columns(**{f"dir_{x}": -data[f"dir_{x}"] for x in "xyz"})
 
 
+def exchanged_axes(data: tn.Touches) -> tn.Touches:
+    names = [name for x in "yz" for name in (f"{x}_mm", f"dir_{x}")]
+    others = (data[name] for name in (*names[2:], *names[:2]))
+    return data.with_columns(**dict(zip(names, others, strict=True)))
+
+
 def of_the_contact(data: tn.Touches) -> tn.Touches:
     """Report where the ball touches: its centre and the radius of 1 mm along the approach."""
     at = data.position_mm + data.direction
@@ -588,6 +594,7 @@ def of_the_contact(data: tn.Touches) -> tn.Touches:
             "a_deg and c_deg are exchanged",
         ),
         (lambda d: d.with_columns(x_mm=-d["x_mm"]), "x_mm counts the other way"),
+        (exchanged_axes, "Y and Z are exchanged, places and directions"),
         (reversed_approaches, "every direction of approach is reversed"),
         (of_the_contact, "the positions are those of the contact, already corrected by the ball"),
     ],

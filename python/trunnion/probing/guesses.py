@@ -167,6 +167,16 @@ def _other_columns(data: Touches, setup: Setup) -> Iterator[Guess]:
     for one, other in (*pairs, *ways, *turned):
         exchanged = data.with_columns(**{one: data[other], other: data[one]})
         yield Guess(f"if {one} and {other} are exchanged", exchanged, setup)
+    for one, other in combinations("xyz", 2):
+        both = {
+            name.format(axis): data[name.format(its)]
+            for name in ("{}_mm", "dir_{}")
+            for axis, its in ((one, other), (other, one))
+        }
+        axes = f"{one.upper()} and {other.upper()}"
+        yield Guess(
+            f"if {axes} are exchanged, places and directions", data.with_columns(**both), setup
+        )
     for axis in "xyz":
         mirrored = data.with_columns(**{f"{axis}_mm": -data[f"{axis}_mm"]})
         yield Guess(f"if {axis}_mm counts the other way", mirrored, setup)
