@@ -195,3 +195,48 @@ def test_structure_that_is_small_beside_large_causes_is_stated() -> None:
     assert d.verdict == "explained"
     assert "Left unexplained: the residual depends on" in d.summary()
     assert d.structure is not None
+
+
+@pytest.mark.parametrize("seed", [4, 6, 10])
+def test_a_wave_at_three_places_leaves_one_error_open(seed: int) -> None:
+    """Touches along X are at three places of Y: no wave is told from a curve, whatever its size."""
+    setup = tn.Setup(tn.Artefact("cross"))
+    data = tn.simulate(tn.plan(setup), setup, {"EX0C": 12.0}, noise_um=0.4, seed=seed)
+    wave = 3e-3 * np.cos(2 * np.pi * np.round(data["y_mm"], 1) / 31.0 + 0.4)
+    d = tn.diagnose(data.with_columns(x_mm=data["x_mm"] + wave), setup)
+    assert d.structure is not None
+    assert d.structure.effect.shape == "polynomial"
+    assert np.all(np.isfinite(list(d.structure.std_errors.values())))
+    assert max(map(abs, d.structure.parameters.values())) < 10.0
+    open_ = d.errors_std.pop("EX0C")
+    assert np.isfinite(open_)
+    assert max(d.errors_std.values()) < 1.5
+
+
+def test_a_squareness_beside_a_wave_that_comes_back_is_known() -> None:
+    """The slope of 3.5 periods of a wave is that of a sine."""
+
+    def off(turn: Floats, y: Floats) -> Floats:
+        x = 100.0 * np.cos(turn)
+        along_y = 2e-3 * np.cos(3.5 * np.pi * x / 100.0 + 0.7) - 6.0 / 206265.0 * x
+        return np.asarray(along_y * y / 100.0)
+
+    d = tn.diagnose(with_a_wave(off, 3))
+    assert d.structure is not None
+    assert (d.structure.effect.shape, d.structure.effect.covariate) == ("wave", "X position")
+    (squareness,) = (cause for cause in d.causes if cause.id == "squareness_xy")
+    (value,), (std,) = squareness.parameters.values(), squareness.std_errors.values()
+    assert std < 0.5
+    assert abs(abs(value) - 6.0) < 3.0 * std
+
+
+def test_a_long_bar_explains_nothing_of_touches() -> None:
+    """What a fifth of the rms is, of which causes may leave structure, is of the same readings."""
+    setup = tn.Setup(tn.Artefact("cross"))
+    data = tn.simulate(tn.plan(setup), setup, {"EX0C": 12.0}, noise_um=0.4, seed=4)
+    wave = 3e-3 * np.cos(2 * np.pi * np.round(data["y_mm"], 1) / 31.0 + 0.4)
+    touched = data.with_columns(x_mm=data["x_mm"] + wave)
+    circle = with_a_wave(lambda turn, _: np.full(len(turn), 20e-3), 4)
+    d = tn.diagnose([touched, circle], setup)
+    assert d.verdict == tn.diagnose(touched, setup).verdict == "unexplained"
+    assert "ballbar:ballbar_length" in d.named

@@ -26,9 +26,8 @@ from trunnion.machine.effects import Owner
 
 TINY = 1e-300
 MAX_FURTHER = 3  # terms of structure beside the one that is stated
-SURE = (
-    0.9  # of what is seen of a cause in standard errors, from which a constant leaves it as it is
-)
+SEEN_AGAIN = 2.0  # periods, from which readings show that a wave comes back and has no slope
+SURE = 0.9  # of what is seen of a cause, from which a constant leaves it as it is
 
 
 @dataclass(frozen=True)
@@ -147,7 +146,8 @@ class _Term:
         out = np.outer(self._made[2], self._made[2])
         if self.source.shape in ("jump", "class", *(() if timed else PERIODIC)):
             return out
-        return np.asarray(out + self._of(_line(self.source, self.kept.model, self._weight)))
+        held = self.source.at_values(self.fitted or {})[0]
+        return np.asarray(out + self._of(_line(held, self.kept.model, self._weight)))
 
     @property
     def constant(self) -> Floats:
@@ -194,10 +194,12 @@ class _Term:
 def _line(source: FormulaEffect, model: Model, weight: Floats) -> Floats:
     """A constant that enters as a formula does, and a slope where a wave may have one; (n, 1 or 2).
 
-    A polynomial has its own, what is local none, and there is none along an angle that comes round.
+    A polynomial has its own, what is local none, and there is none along an angle that comes round,
+    nor where a wave comes back.
     """
     v = next(v for v in model.covariates if v.name == source.covariate)
-    if source.shape != "wave" or v.period is not None:
+    back = source.high - source.low >= SEEN_AGAIN * source.number
+    if source.shape != "wave" or v.period is not None or back:
         return weight[:, None]
     x = over_range(np.asarray(v.values, dtype=np.float64), source.low, source.high)
     return np.column_stack([weight, weight * x])

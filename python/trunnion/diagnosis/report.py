@@ -92,7 +92,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     unsure = (*notes_of_structure(model, open_.every, std), *notes_of_shape(model, f, shape, std))
     notes = (*stated, *unsure, *_notes(case, f, variance, sigma, read=read))
     return Diagnosis(
-        verdict=_verdict(said, before, rows, before.plain, named, len(alternatives), len(dropped)),
+        verdict=_verdict(said, before, e, rows, named, len(alternatives), len(dropped)),
         causes=_causes(kept, e, as_far, variance, wide, alternatives),
         evidence=tuple(alternatives),
         gain=gain,
@@ -348,14 +348,14 @@ def _alternatives(case: Case, e: Explanation) -> list[Alternative]:
 def _verdict(
     unexplained: str | None,
     case: Case,
+    e: Explanation,
     rows: Integers,
-    plain: Fit,
     f: Fit,
     sets: int,
     outliers: int,
 ) -> Verdict:
-    before, after = (case.given or plain).residuals, f.residuals
-    index = units_of(case.model.readings)[1]
+    before, after = (case.given or case.plain).residuals, f.residuals
+    index, rows = units_of(case.model.readings)[1], rows[_measured_with(case, e, rows)]
     units = [rows[index[rows] == i] for i in range(index.max() + 1)]
     clear = sets and all(rms(after[u]) <= CLEAR * rms(before[u]) for u in units if len(u))
     if unexplained is not None and not clear:
@@ -363,6 +363,14 @@ def _verdict(
     if sets > 1:
         return "ambiguous"
     return "explained" if sets or outliers else "consistent"
+
+
+def _measured_with(case: Case, e: Explanation, rows: Integers) -> slice:
+    """Which of some readings are of the measurement that has the structure that is stated."""
+    for v in case.model.covariates:
+        if e.terms and v.name == e.terms[0][0].covariate and v.readings is not None:
+            return slice(*np.searchsorted(rows, v.readings).tolist())
+    return slice(None)
 
 
 def _errors_std(model: Model, f: Fit, variance: float) -> dict[str, float]:

@@ -23,9 +23,9 @@ from trunnion.diagnosis.gains import gains_beside
 from trunnion.diagnosis.jumps import best_near, near, places_of_jumps
 from trunnion.diagnosis.local_errors import BESIDE_PLACE, TIMES_WIDTH, local, places_of
 from trunnion.diagnosis.model import Covariate, Model
-from trunnion.diagnosis.quantities import Said, at_an_instant, saying, straight
+from trunnion.diagnosis.quantities import MIN_DISTINCT, Said, at_an_instant, saying, straight
 from trunnion.diagnosis.smooth import over_range, polynomials
-from trunnion.diagnosis.waves import WAVES_BETWEEN, waves, waves_of
+from trunnion.diagnosis.waves import WAVES_BETWEEN, places_apart, waves, waves_of
 from trunnion.diagnosis.whitening import Scaling, Whiten, identity
 
 SCAN_LEVEL = 0.01
@@ -130,6 +130,7 @@ class Dictionary:
         self._begin(model, rows, whiten)
         if known is not None and known._serves(model, rows, whiten):
             self._said, self.count, self.quantities = known._said, known.count, known.quantities
+            self._at_few = known._at_few
             for made in known._made:
                 self._keep(made)
         else:
@@ -165,6 +166,7 @@ class Dictionary:
                 v = new._covariates[place[said.covariate.name]]
                 new._said.append(replace(said, first=new.count + said.first, covariate=v))
             new._parts += [part.among(new.count, at.start) for part in own._parts]
+            new._at_few += [new.count + i for i in own._at_few]
             new.count += own.count
         return new
 
@@ -175,6 +177,7 @@ class Dictionary:
         self._covariates = tuple(model.covariates)
         self._beside: tuple[Floats, list[list[Floats]]] | None = None
         self._known: dict[int, tuple[Fit, Floats, Integers]] = {}
+        self._at_few: list[int] = []
 
     count = 0
     quantities: Sequence[Said] | None = None
@@ -183,6 +186,7 @@ class Dictionary:
     _by_ways: dict[tuple[int, int], Part]
     _made: list[Made]  # of which these parts consist
     _numbers = 0  # of all functions that are kept
+    _at_few: list[int]  # waves and local errors of which the readings have too few places
 
     @property
     def terms(self) -> list[Term]:
@@ -238,6 +242,10 @@ class Dictionary:
                 for some in terms:
                     self._said.append(_Terms(self.count, v, some.kind, some.numbers, ways))
                     first[some.width] = self.count
+                    if some.kind in ("wave", "local"):
+                        few = [i for i, way in enumerate(ways) if _at_few_places(x, x.enter[way])]
+                        every_way = np.arange(len(some.numbers)) * len(ways) + self.count
+                        self._at_few += [int(i) for i in np.add.outer(few, every_way).flat]
                     self.count += len(self._said[-1])
                 enter = tuple(x.enter[way] for way in ways)
                 self._keep(Made(functions, first, enter, x.some))
@@ -301,6 +309,7 @@ class Dictionary:
         for part, taken in zip(self._parts, self._beside[1], strict=True):
             for x, t, z in zip(part.wide, taken, part.products(several), strict=True):
                 gain[x.numbers], rank[x.numbers] = x.gains(t, z)
+        gain[self._at_few], rank[self._at_few] = 0.0, 0
         return gain.reshape((-1, *r.shape[1:])), rank
 
     def block(self, term: int) -> Floats:
@@ -397,6 +406,14 @@ class Dictionary:
             most = np.max((left.T @ r[:, own]) ** 2 / square[:, None], axis=0)
             gain[term, own] = np.maximum(gain[term, own], most)
         return gain
+
+
+def _at_few_places(x: Said, enters: Floats) -> bool:
+    """Whether a disturbance enters readings at too few values to be a wave or local along them."""
+    if x.covariate.sequence:
+        return False
+    values = np.asarray(x.values, dtype=np.float64)[enters != 0.0]
+    return places_apart(values) < MIN_DISTINCT
 
 
 class Some(NamedTuple):

@@ -309,10 +309,11 @@ def _fitted(kept: Case, source: FormulaEffect, f: Fit) -> tuple[Model, Fit]:
 
 
 def placed(e: Explanation, source: FormulaEffect | None, f: Fit) -> Explanation:
-    """Return an explanation whose structure is where the fit of its formula has it."""
+    """Return an explanation whose structure, and its share, are those of the fit of its formula."""
     if source is None:
         return e
-    (term, share), *others = e.terms
+    (term, _), *others = e.terms
+    share = 1.0 - f.rss / e.fit.rss
     return replace(e, terms=[(_as_found(term, source, f), share), *others])
 
 

@@ -6,8 +6,10 @@ from trunnion.base.rotation import cosine_sine
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.columns import AT_HAND
 from trunnion.diagnosis.model import Covariate
+from trunnion.diagnosis.smooth import over_range
 
 WAVES = 10  # over the range, of a quantity on no grid
+APART = 3 * WAVES  # values over half of the range that are told apart: six in the shortest wave
 WAVES_ON_A_GRID = 50
 WAVES_BETWEEN = np.array(
     [0.0, -0.25, -0.125, 0.125, 0.25]
@@ -24,6 +26,14 @@ def waves_of(v: Covariate, distinct: Floats) -> Floats:
     if shortest_on_grid(v, distinct):
         return np.arange(3, len(distinct)) / 2
     return np.arange(1.5, min(WAVES, len(distinct) / 3), 0.5)
+
+
+def places_apart(values: Floats) -> int:
+    """How many different values there are for the shortest wave."""
+    low, high = values.min(initial=np.inf), values.max(initial=-np.inf)
+    if low >= high:
+        return min(len(values), 1)
+    return len(np.unique(np.floor(APART * over_range(values, low, high))))
 
 
 def shortest_on_grid(v: Covariate, distinct: Floats) -> float:
