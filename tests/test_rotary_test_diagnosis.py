@@ -295,3 +295,26 @@ def test_a_table_that_does_not_turn_has_no_directions_of_its_own() -> None:
     model = model_of(readings(twin_displacement(plan, {}, {}), plan, 1.0, 2), SETUP)
     assert "X of the table" not in model.components  # A turns about X
     assert "Y of the table" in model.components
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("shape", ["dent", "wave"])
+def test_an_error_of_a_place_is_said_of_it_and_is_no_outlier(shape: str, seed: int) -> None:
+    """Of Y along X: it comes again at the same place of every tilt, in both senses."""
+    plan = r_test()
+    x = plan.position_mm[:, 0]
+    off = {
+        "dent": -5.0 * np.exp(-(((x - 30.0) / 15.0) ** 2)),
+        "wave": 2.0 * np.cos(2.0 * np.pi * x / 47.0 + 1.0),
+    }[shape]
+    made = twin_displacement(plan, {}, ERRORS) + off[:, None] * [0.0, 1.0, 0.0]
+    d = tn.diagnose(readings(made, plan, 0.4, seed), SETUP)
+    assert d.verdict == "unexplained"
+    assert not d.named
+    assert not d.outliers
+    assert d.structure is not None
+    found = d.structure.effect
+    assert (found.covariate, found.component) == ("X place", "Y")
+    assert found.shape == {"dent": "local", "wave": "wave"}[shape]
+    name, true = {"dent": ("place_mm", 30.0), "wave": ("period_mm", 47.0)}[shape]
+    assert d.structure.parameters[name] == pytest.approx(true, abs=2.0)

@@ -148,7 +148,7 @@ class RotaryTestModel(Model):
 
     @property
     def covariates(self) -> tuple[Covariate, ...]:
-        """Positions of the rotary axes, senses of turning, balls, time or order."""
+        """Positions of the rotary axes, senses of turning, places, balls, time or order."""
         data = self.data
         spread = [
             Covariate(f"{letter.upper()} position", np.asarray(deg), "deg", period=360.0)
@@ -158,6 +158,8 @@ class RotaryTestModel(Model):
             Covariate(f"sense of {letter.upper()}", senses(np.asarray(deg)), words=TURNED)
             for letter, deg in data.rotary_deg.items()
         ]
+        moved = zip(AXES, data.position_mm.T, strict=True)
+        spread += [Covariate(f"{axis} place", at, "mm") for axis, at in moved]
         if len(self._known.labels) > 1:
             spread.append(Covariate("ball", self._known.index, classes=True))
         if data.time_s is not None:
