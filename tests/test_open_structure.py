@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import positioning_twin
 import trunnion as tn
 from power.study import ground
 from trunnion.diagnosis import structure
@@ -239,3 +240,15 @@ def test_a_long_bar_explains_nothing_of_touches() -> None:
     d = tn.diagnose([touched, circle], setup)
     assert d.verdict == tn.diagnose(touched, setup).verdict == "unexplained"
     assert "ballbar:ballbar_length" in d.named
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_of_two_causes_that_cancel_what_both_make_is_known(seed: int) -> None:
+    """A drift that begins slowly is a steady one less a warm-up, each many times as large."""
+    data = positioning_twin.axis(np.random.default_rng([7, seed]), noise=0.4)
+    at = np.linspace(0.0, 1.0, len(data))
+    d = tn.diagnose(data.with_columns(measured_mm=data.measured + 8e-3 * at**2))
+    assert d.named == {"drift", "warmup"}
+    assert any("tell what both make together" in note for note in d.notes)
+    steady = tn.diagnose(data.with_columns(measured_mm=data.measured + 8e-3 * at))
+    assert not any("tell what both make together" in note for note in steady.notes)

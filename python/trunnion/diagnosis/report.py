@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+import itertools
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -26,6 +27,7 @@ from trunnion.diagnosis.records import (
     Gain,
     Residuals,
     Verdict,
+    labelled,
     rms,
     units_of,
     with_unit,
@@ -53,6 +55,8 @@ NO_MATTER = "what is likely of it would shift nothing by half a standard error"
 MIDDLE = "errors and sizes are those in the middle of all machines that give these readings"
 MIN_SHARE = 0.25  # of the variance of a reading, from which its rounding is mentioned
 MAX_STEPS = 3
+TOGETHER = 0.98  # correlation of two sizes, from which readings tell only what both make
+UNSURE = 3.0  # standard errors of such a size, beside one that is smaller than its own
 TINY = 1e-300
 CLEAR = 0.2  # of the rms, that causes may leave unexplained and still explain the data
 
@@ -182,7 +186,27 @@ def _notes_of_causes(case: Case, f: Fit, variance: float) -> tuple[str, ...]:
         effect, _, parameter = name.partition(".")
         against = contradiction(name, f.effects[effect][parameter], std[k], one)
         said += [] if against is None else [against]
-    return tuple(said)
+    return (*said, *_notes_of_pairs(case, f, std))
+
+
+def _notes_of_pairs(case: Case, f: Fit, std: Floats) -> Iterator[str]:
+    """Say of which two causes the readings tell what both make together only."""
+    first = len(case.model.nuisance)
+    sizes = {(e.id, q.name): e for e in case.effects for q in e.parameters if q.linear}
+    known = {
+        k: (sizes[own], abs(f.effects[own[0]][own[1]]) / std[k])
+        for k, own in enumerate(f.names, start=first)
+        if own in sizes and 0 < std[k] < np.inf
+    }
+    for (i, (one, seen)), (j, (other, also)) in itertools.combinations(known.items(), 2):
+        scale = float(np.sqrt(f.covariance[i, i] * f.covariance[j, j]))
+        alike = abs(f.covariance[i, j]) > TOGETHER * scale
+        if one.id != other.id and alike and min(seen, also) < 1 and max(seen, also) < UNSURE:
+            named = f"{labelled(one.id, one.label)} and {labelled(other.id, other.label)}"
+            yield (
+                f"Of {named} the readings tell what both make together, and of neither how large "
+                "it is: one error of another form may make it as well."
+            )
 
 
 def _sigma(model: Model, variance: float, gain: Gain, readings_a_freedom: float) -> float:
