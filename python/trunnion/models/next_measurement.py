@@ -155,8 +155,9 @@ def next_measurement(
     Returns
     -------
     tuple of NextMeasurement
-        The best first; empty where nothing is in doubt. At most eight sets of causes are compared,
-        the most probable ones.
+        The best first; empty where no sets of causes are in doubt. Structure that no cause makes is
+        no such doubt: its notes say what to measure. At most eight sets of causes are compared, the
+        most probable ones.
 
     Raises
     ------
