@@ -94,8 +94,9 @@ def in_doubt(case: Case, e: Explanation, f: Fit, constant: Floats) -> Explanatio
     for j, effect in enumerate(case.effects[: e.candidates.count]):
         if effect.id not in f.effects:
             continue
-        at = case.columns_of(effect, f)
-        size = np.array([f.effects[effect.id][name] for i, name in f.names if i == effect.id])
+        linear = [q.linear for q in effect.parameters]
+        at = np.array(case.columns_of(effect, f))[linear]
+        size = np.array([f.effects[effect.id][q.name] for q in effect.parameters])[linear]
         own = f.covariance[np.ix_(at, at)] * variance
         both = own + constant[np.ix_(at, at)]
         if not np.all(np.isfinite(both)):  # nothing determines it
