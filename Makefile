@@ -68,7 +68,7 @@ collisions: build  ## every move of the programs and plans of 800 random machine
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -s -n 0 -m power tests/test_keeps_clear.py
 
 .PHONY: power-probabilities
-power-probabilities: build  ## are stated probabilities true: 9,800 cases of all kinds, an hour, into docs/results/power-probabilities.md
+power-probabilities: build  ## are stated probabilities true: 10,800 cases of all kinds, an hour, into docs/results/power-probabilities.md
 	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.probabilities --out ../docs/results/power-probabilities.md
 
 .PHONY: power-further
