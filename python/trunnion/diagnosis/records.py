@@ -117,7 +117,7 @@ class Cause(Result):
         }
         count = f"{len(said)} parameters"
         if not known:
-            return f"{count}, not identifiable each for itself"
+            return f"{count}, none identifiable by itself"
         if len(said) <= MAX_PARAMETERS:
             return ", ".join(named.values())
         if len({unit_of(name) for name in known}) > 1:
