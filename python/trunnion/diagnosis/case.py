@@ -255,7 +255,8 @@ class Case:
         groups = [g for g in (*(place[at] for at in apart), place[others]) if len(g)]
         groups = [np.flatnonzero(np.isin(self.rows, g)) for g in groups]
         # structure competes with the causes only after these: what it explains is no noise of them
-        _, left, basis = terms_one_by_one(self.dictionary, f.white, f.basis, self.floor, len(apart))
+        d = self.dictionary.within(apart)
+        _, left, basis = terms_one_by_one(d, f.white, f.basis, self.floor, len(apart))
         taken, least = np.sum(basis**2, axis=1), self.floor.variance
         share = [
             max(float(left[g] @ left[g]) / max(len(g) - taken[g].sum(), 1.0), least) for g in groups

@@ -7,6 +7,7 @@ goes with.
 """
 
 from collections.abc import Iterator, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple, cast
@@ -168,6 +169,13 @@ class Dictionary:
             new._parts += [part.among(new.count, at.start) for part in own._parts]
             new._at_few += [new.count + i for i in own._at_few]
             new.count += own.count
+        return new
+
+    def within(self, readings: Sequence[slice]) -> "Dictionary":
+        """Return the same of which only terms of some measurements gain, by their readings."""
+        new, starts = copy(self), {at.start for at in readings}
+        new._parts = [part for part in self._parts if part.some.start in starts]
+        new._beside, new._known = None, {}
         return new
 
     def _begin(self, model: Model, rows: Integers, whiten: Whiten) -> None:
