@@ -200,7 +200,7 @@ def test_structure_that_is_small_beside_large_causes_is_stated() -> None:
 
 @pytest.mark.parametrize("seed", [4, 6, 10])
 def test_a_wave_at_three_places_leaves_one_error_open(seed: int) -> None:
-    """Touches along X are at three places of Y: no wave is told from a curve, whatever its size."""
+    """Touches along X are at three places of Y: they do not distinguish a wave from a curve."""
     setup = tn.Setup(tn.Artefact("cross"))
     data = tn.simulate(tn.plan(setup), setup, {"EX0C": 12.0}, noise_um=0.4, seed=seed)
     wave = 3e-3 * np.cos(2 * np.pi * np.round(data["y_mm"], 1) / 31.0 + 0.4)

@@ -167,7 +167,7 @@ class Dictionary:
                 v = new._covariates[place[said.covariate.name]]
                 new._said.append(replace(said, first=new.count + said.first, covariate=v))
             new._parts += [part.among(new.count, at.start) for part in own._parts]
-            new._at_few += [new.count + i for i in own._at_few]
+            new._at_few = np.concatenate([new._at_few, new.count + own._at_few])
             new.count += own.count
         return new
 
@@ -185,7 +185,7 @@ class Dictionary:
         self._covariates = tuple(model.covariates)
         self._beside: tuple[Floats, list[list[Floats]]] | None = None
         self._known: dict[int, tuple[Fit, Floats, Integers]] = {}
-        self._at_few: list[int] = []
+        self._at_few = np.zeros(0, dtype=np.intp)
 
     count = 0
     quantities: Sequence[Said] | None = None
@@ -194,7 +194,7 @@ class Dictionary:
     _by_ways: dict[tuple[int, int], Part]
     _made: list[Made]  # of which these parts consist
     _numbers = 0  # of all functions that are kept
-    _at_few: list[int]  # waves and local errors of which the readings have too few places
+    _at_few: Integers  # waves and local errors of which the readings have too few places
 
     @property
     def terms(self) -> list[Term]:
@@ -242,6 +242,7 @@ class Dictionary:
         for x in self.quantities or every:
             v = x.covariate
             has = None if v.known is None else v.known[self._rows[x.some]]
+            few = _at_few_places(x)
             for functions, terms in _functions(x, has):
                 if not len(functions):
                     continue
@@ -251,9 +252,9 @@ class Dictionary:
                     self._said.append(_Terms(self.count, v, some.kind, some.numbers, ways))
                     first[some.width] = self.count
                     if some.kind in ("wave", "local"):
-                        few = [i for i, way in enumerate(ways) if _at_few_places(x, x.enter[way])]
                         every_way = np.arange(len(some.numbers)) * len(ways) + self.count
-                        self._at_few += [int(i) for i in np.add.outer(few, every_way).flat]
+                        own = np.add.outer(few, every_way).reshape(-1)
+                        self._at_few = np.concatenate([self._at_few, own])
                     self.count += len(self._said[-1])
                 enter = tuple(x.enter[way] for way in ways)
                 self._keep(Made(functions, first, enter, x.some))
@@ -416,12 +417,12 @@ class Dictionary:
         return gain
 
 
-def _at_few_places(x: Said, enters: Floats) -> bool:
-    """Whether a disturbance enters readings at too few values to be a wave or local along them."""
-    if x.covariate.sequence:
-        return False
-    values = np.asarray(x.values, dtype=np.float64)[enters != 0.0]
-    return places_apart(values) < MIN_DISTINCT
+def _at_few_places(x: Said) -> Integers:
+    """Ways by which readings are disturbed at too few values to show a wave or a local error."""
+    if x.covariate.sequence or x.covariate.classes:
+        return np.zeros(0, dtype=np.intp)
+    counts = [places_apart(x.values[enters != 0.0]) for enters in x.enter.values()]
+    return np.flatnonzero(np.array(counts) < MIN_DISTINCT)
 
 
 class Some(NamedTuple):

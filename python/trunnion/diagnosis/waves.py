@@ -9,7 +9,7 @@ from trunnion.diagnosis.model import Covariate
 from trunnion.diagnosis.smooth import over_range
 
 WAVES = 10  # over the range, of a quantity on no grid
-APART = 3 * WAVES  # values over half of the range that are told apart: six in the shortest wave
+APART = 3 * WAVES  # values distinguished over half of the range: six in the shortest wave
 WAVES_ON_A_GRID = 50
 WAVES_BETWEEN = np.array(
     [0.0, -0.25, -0.125, 0.125, 0.25]
