@@ -381,7 +381,7 @@ class Candidates:
         ):
             if some:
                 columns = [self.columns(b) for b in some]
-                rows = products(parts, np.concatenate(columns).T).T
+                rows = np.ascontiguousarray(products(parts, np.concatenate(columns).T).T)
                 ends = np.cumsum([len(x) for x in columns])
                 self._gram_rows |= dict(zip(some, np.split(rows, ends[:-1]), strict=True))
         for b in missing:

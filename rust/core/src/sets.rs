@@ -59,7 +59,7 @@ pub struct Set {
     pub blocks: Vec<usize>,
     /// Inner products of its orthonormal basis with all columns, one row each; sets that begin alike
     /// have the same rows.
-    pub taken: Vec<Arc<[f64]>>,
+    pub taken: Vec<Arc<Vec<f64>>>,
     /// Inner products of all columns with what it leaves of the residuals.
     pub residual: Vec<f64>,
     /// What it leaves of each squared column.
@@ -172,46 +172,66 @@ impl Blocks {
         }
         let mut left = products.to_vec();
         for (i, row) in left.chunks_exact_mut(m.max(1)).enumerate() {
-            for taken in &set.taken {
+            // Measurements share no columns: most have nothing in common.
+            for taken in set.taken.iter().filter(|taken| taken[start + i] != 0.0) {
                 let share = taken[start + i];
                 row.iter_mut().zip(taken.iter()).for_each(|(x, t)| *x -= share * t);
             }
         }
-        let own = DMatrix::from_fn(k, k, |i, j| left[i * m + start + j]);
-        let found = SymmetricEigen::new(own);
         let mut new = set.clone();
-        let ways = found.eigenvalues.iter().zip(found.eigenvectors.column_iter());
-        for (w, u) in ways.filter(|(w, _)| **w > self.dependent) {
-            let mut row = vec![0.0; m];
-            let mut along = 0.0;
-            for (i, part) in u.iter().enumerate() {
-                let weight = part / w.sqrt();
-                let some = left[i * m..(i + 1) * m].iter();
-                row.iter_mut().zip(some).for_each(|(x, g)| *x += weight * g);
-                along += weight * set.residual[start + i];
+        if k == 1 {
+            let (w, along) = (left[start], set.residual[start]);
+            if w > self.dependent {
+                let weight = 1.0 / w.sqrt();
+                left.iter_mut().for_each(|x| *x *= weight);
+                self.take(&mut new, left, weight * along);
             }
-            for (c, x) in row.iter().enumerate() {
-                new.residual[c] -= along * x;
-                new.free[c] -= x * x;
+        } else {
+            let own = DMatrix::from_fn(k, k, |i, j| left[i * m + start + j]);
+            let found = SymmetricEigen::new(own);
+            let ways = found.eigenvalues.iter().zip(found.eigenvectors.column_iter());
+            for (w, u) in ways.filter(|(w, _)| **w > self.dependent) {
+                let mut row = vec![0.0; m];
+                let mut along = 0.0;
+                for (i, part) in u.iter().enumerate() {
+                    let weight = part / w.sqrt();
+                    let some = left[i * m..(i + 1) * m].iter();
+                    row.iter_mut().zip(some).for_each(|(x, g)| *x += weight * g);
+                    along += weight * set.residual[start + i];
+                }
+                self.take(&mut new, row, along);
             }
-            self.take_pairs(&row, &mut new.cross);
-            new.rss -= along * along;
-            new.taken.push(row.into());
         }
         new.blocks.push(block);
         new.penalty += self.penalty[block];
         Ok(new)
     }
 
-    /// Takes the products of a row's numbers from those of the columns of each block.
-    fn take_pairs(&self, row: &[f64], cross: &mut [f64]) {
-        let mut rest = cross.iter_mut();
+    /// Takes a direction out of what a set leaves: its products with all columns, and how far the
+    /// residuals go along it.
+    fn take(&self, set: &mut Set, row: Vec<f64>, along: f64) {
+        for (left, x) in set.residual.iter_mut().zip(&row) {
+            *left -= along * x;
+        }
+        for (free, x) in set.free.iter_mut().zip(&row) {
+            *free -= x * x;
+        }
+        let mut rest = set.cross.as_mut_slice();
         let narrow = self.start.iter().zip(&self.rank).filter(|(_, k)| **k > 1 && **k <= WIDE);
         for (&start, &k) in narrow {
-            let own = &row[start..start + k];
-            let pairs = (1..k).flat_map(|i| own[..i].iter().map(move |x| x * own[i]));
-            pairs.zip(rest.by_ref()).for_each(|(pair, left)| *left -= pair);
+            let (own, pairs) = (&row[start..start + k], k * (k - 1) / 2);
+            let (mine, others) = rest.split_at_mut(pairs);
+            rest = others;
+            let mut pair = 0;
+            for i in 1..k {
+                for j in 0..i {
+                    mine[pair] -= own[j] * own[i];
+                    pair += 1;
+                }
+            }
         }
+        set.rss -= along * along;
+        set.taken.push(Arc::new(row));
     }
 
     /// Every candidate beside every set, each at its best block, best first: as far as `reach`
@@ -267,7 +287,7 @@ impl Blocks {
     /// columns of others have a part in it.
     ///
     /// # Errors
-    /// Blocks that are not there, products of another size.
+    /// Blocks that are not there, products of another size or not finite.
     pub fn gains_beside(
         &self,
         empty: &Set,
@@ -301,6 +321,9 @@ impl Blocks {
                 .chunks_exact(self.width.max(1))
                 .flat_map(|row| columns.iter().map(|&c| row[c]))
                 .collect();
+            if let Some(number) = own.iter().find(|x| !x.is_finite()) {
+                return Err(Error::input("products", number, "finite numbers"));
+            }
             set = small.extended(&set, place(block), &own)?;
         }
         let first = place(further.start);
@@ -372,18 +395,20 @@ impl Blocks {
     /// its numbers in [`Set::cross`] start.
     fn gain(&self, set: &Set, block: usize, at: usize) -> (f64, usize) {
         match self.rank[block] {
-            ..=1 => self.narrow_gain::<1>(set, block, at),
+            0 => (0.0, 0),
+            1 => self.narrow_gain::<1>(set, block, at),
             2 => self.narrow_gain::<2>(set, block, at),
-            3..=4 => self.narrow_gain::<4>(set, block, at),
+            3 => self.narrow_gain::<3>(set, block, at),
+            4 => self.narrow_gain::<4>(set, block, at),
             5..=WIDE => self.narrow_gain::<WIDE>(set, block, at),
             _ => self.wide_gain(set, block),
         }
     }
 
-    /// The same of a block of at most `N` columns: Cholesky of its Gram matrix, dependent pivots left
-    /// out.
+    /// The same of a block of `N` columns, of at most so many where `N` is [`WIDE`]: Cholesky of its
+    /// Gram matrix, dependent pivots left out.
     fn narrow_gain<const N: usize>(&self, set: &Set, block: usize, at: usize) -> (f64, usize) {
-        let (start, k) = (self.start[block], self.rank[block].min(N));
+        let (start, k) = (self.start[block], if N == WIDE { self.rank[block].min(N) } else { N });
         let mut z = [0.0; N];
         let mut a = [[0.0; N]; N];
         z[..k].copy_from_slice(&set.residual[start..start + k]);

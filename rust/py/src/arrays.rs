@@ -1,7 +1,7 @@
 //! The one place where numbers of Python become those of the core, and back.
 //!
-//! What comes in is finite ([`finite`], [`vector`], [`rows`]; [`rows_with_limits`] allows infinity),
-//! what goes out is no nan ([`array`], [`matrix`]).
+//! What comes in is finite ([`finite`], [`vector`], [`rows`]; [`rows_with_limits`] allows infinity,
+//! [`of_width`] leaves the check to the core), what goes out is no nan ([`array`], [`matrix`]).
 //!
 //! `PyReadonlyArray::as_slice` also accepts Fortran order, which would scramble an (n, k) array, so
 //! everything goes through a copy in standard (row-major) layout where it is not already there.
@@ -132,7 +132,8 @@ pub fn rows_with_limits<'a>(
     Ok(values)
 }
 
-fn of_width<'a>(
+/// The same of any numbers: the core checks those that it uses, which are few of them.
+pub fn of_width<'a>(
     what: &str,
     array: &'a PyReadonlyArray2<'_, f64>,
     columns: usize,

@@ -4,7 +4,7 @@ use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use trunnion_core::{sets, sizes};
 
-use crate::arrays::{array, finite, matrix_of, rows, vector, vector_with_limits};
+use crate::arrays::{array, finite, matrix_of, of_width, rows, vector, vector_with_limits};
 use crate::errors::IntoPy;
 
 /// A set of blocks.
@@ -39,7 +39,7 @@ impl CauseSet {
         py: Python<'py>,
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)> {
         let (k, m) = (self.inner.columns(), self.inner.residual.len());
-        let taken = matrix_of(py, self.inner.taken.concat(), k, m)?;
+        let taken = matrix_of(py, self.inner.taken.iter().flat_map(|row| row.iter().copied()).collect(), k, m)?;
         Ok((taken, array(py, self.inner.residual.clone())?))
     }
 }
@@ -111,7 +111,7 @@ impl CauseBlocks {
     ) -> PyResult<(f64, Bound<'py, PyArray1<f64>>)> {
         let products = blocks
             .iter()
-            .map(|(block, x)| Ok((*block, rows("products with a block", x, self.inner.width)?)))
+            .map(|(block, x)| Ok((*block, of_width("products with a block", x, self.inner.width)?)))
             .collect::<PyResult<Vec<_>>>()?;
         let beside: Vec<(usize, &[f64])> = products.iter().map(|(b, x)| (*b, &x[..])).collect();
         let (rss, gains) = self.inner.gains_beside(&empty.inner, &beside, first..end).into_py()?;
