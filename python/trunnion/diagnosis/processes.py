@@ -1,7 +1,7 @@
 """Smooth processes that may act instead of causes of the best set, or beside it."""
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from scipy.linalg import orth
@@ -16,7 +16,7 @@ from trunnion.diagnosis.columns import DEPENDENT
 from trunnion.diagnosis.likely_terms import beside_a_term
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.probability import Beside
-from trunnion.diagnosis.quantities import smooth_functions
+from trunnion.diagnosis.quantities import Said, smooth_functions
 from trunnion.diagnosis.scan import Dictionary
 from trunnion.diagnosis.selection import REACH, WITHIN, Found, search
 from trunnion.diagnosis.smooth import Along, Sums, mean_deviance
@@ -64,15 +64,18 @@ def share_of_noise(
     whiten: Whiten,
     floor: Floor,
     terms: Dictionary | None,
+    known: Iterable[Said] | None = None,
 ) -> float:
     """Share of the mean square of residuals (n,) that is noise, and no structure.
 
     The likeliest process takes its part where it is likelier than that there is none; else, if they
     show some of the ``terms``, the likeliest of these. ``jacobian``: by what is always fitted,
-    (n, p); ``floor``: of the variance of a white reading.
+    (n, p); ``floor``: of the variance of a white reading; ``known``: what all covariates say of
+    these readings, where that was asked before.
     """
-    n = len(left)
-    every = smooth_functions(model, np.arange(n), MAX_QUANTITIES) if n < MANY_ROWS else []
+    n, every = len(left), list[Floats]()
+    if n < MANY_ROWS:
+        every = smooth_functions(model, np.arange(n), MAX_QUANTITIES, known=known)
     white, fitted = whiten(left), whiten(jacobian)
     size = np.linalg.norm(fitted, axis=0)
     basis = orth(fitted[:, size > 0] / size[size > 0], rcond=DEPENDENT)

@@ -63,11 +63,19 @@ class Whiteners:
 
     def __call__(self, columns: Floats) -> Floats:
         """Whiten columns (n, ...)."""
+        if self._scale is not None:
+            return self._scale(columns)
         white = np.zeros_like(columns, dtype=np.float64)
         for at, whiten in self.parts:
             if columns[at].any():  # what is one measurement's own is zero in all others
                 white[at] = whiten(columns[at])
         return white
+
+    @cached_property
+    def _scale(self) -> Scaling | None:
+        """The whitener of all parts, if each only divides its readings."""
+        sizes = sizes_of(self, max((at.stop for at, _ in self.parts), default=0))
+        return Scaling(sizes) if sizes is not None and np.all(np.isfinite(sizes)) else None
 
 
 def sizes_of(whiten: Whiten, n: int) -> Floats | None:

@@ -109,7 +109,7 @@ class Part:
     columns: Candidates | None = None
     _predicted: dict[tuple[object, ...], Floats] = field(default_factory=dict, repr=False)
 
-    @property
+    @cached_property
     def among(self) -> float:
         """How many candidates a cause of it is one of beforehand."""
         ordinary = [e for e in self.model.effects if not (e.expected or e.rare or e.level)]

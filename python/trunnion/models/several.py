@@ -134,7 +134,9 @@ class Measured:
         if not found.exact:
             shown = found.unexplained is not None
             terms = Dictionary.of_all(model, whiten, found.dictionary) if shown else None
-            share = share_of_noise(model, after, jacobian, whiten, floor, terms)
+            asked = found.dictionary if model is self.model else None
+            said = None if asked is None else asked.quantities
+            share = share_of_noise(model, after, jacobian, whiten, floor, terms, said)
         after = after * np.sqrt(share)
         quiet = 0.0 if grid is None else grid.noise(after, dof, jacobian)
         if grid is not None:  # what the fit had for its weights

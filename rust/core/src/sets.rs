@@ -407,6 +407,7 @@ impl Blocks {
 
     /// The same of a block of `N` columns, of at most so many where `N` is [`WIDE`]: Cholesky of its
     /// Gram matrix, dependent pivots left out.
+    #[inline]
     fn narrow_gain<const N: usize>(&self, set: &Set, block: usize, at: usize) -> (f64, usize) {
         let (start, k) = (self.start[block], if N == WIDE { self.rank[block].min(N) } else { N });
         let mut z = [0.0; N];
@@ -422,14 +423,17 @@ impl Blocks {
         let (mut total, mut count) = (0.0, 0);
         let negative = k == 1 && self.positive[block] && z[0] < 0.0;
         for i in 0..k {
-            let below = a.map(|row| row[i]);
-            let seen = below[i] > self.dependent && !negative;
+            let seen = a[i][i] > self.dependent && !negative;
             if !seen {
                 continue;
             }
-            let inverse = 1.0 / below[i];
+            let inverse = 1.0 / a[i][i];
             total += z[i] * z[i] * inverse;
             count += 1;
+            if i + 1 == k {
+                break;
+            }
+            let below = a.map(|row| row[i]);
             for row in i + 1..k {
                 let factor = below[row] * inverse;
                 z[row] -= factor * z[i];

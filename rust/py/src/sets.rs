@@ -39,7 +39,12 @@ impl CauseSet {
         py: Python<'py>,
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)> {
         let (k, m) = (self.inner.columns(), self.inner.residual.len());
-        let taken = matrix_of(py, self.inner.taken.iter().flat_map(|row| row.iter().copied()).collect(), k, m)?;
+        let taken = matrix_of(
+            py,
+            self.inner.taken.iter().flat_map(|row| row.iter().copied()).collect(),
+            k,
+            m,
+        )?;
         Ok((taken, array(py, self.inner.residual.clone())?))
     }
 }
