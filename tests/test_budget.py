@@ -12,7 +12,8 @@ import trunnion as tn
 from power.study import ground
 from promise import kept, needed_runs
 from result_examples import diagnosis_of, with_outliers
-from trunnion.machine.budget import MODEL, READINGS, Source, measurand
+from test_joint_agreement import circle
+from trunnion.machine.budget import MODEL, READINGS, RESOLUTION, Source, measurand
 from trunnion.probing.inputs import turning
 from trunnion.probing.model import TouchModel
 from trunnion.setup import AxisSetup
@@ -21,6 +22,7 @@ from twin.forward import Truth
 from twin.generator import Plan, measure, random_errors, random_placement
 
 COVERED = 0.95
+OF_READINGS = (READINGS, RESOLUTION)
 STATED: dict[str, Any] = {
     "calibration_um": 0.3,
     "calibration_arcsec": 1.0,
@@ -85,6 +87,58 @@ def test_expanded_uncertainties_cover_what_calibration_and_temperature_do() -> N
         assert alone.contribution < 0.5 * budget["EZ0A"].std
     for name, count in inside.items():
         assert kept(count, runs, COVERED), name
+
+
+def stands_off(made: Plan, rng: np.random.Generator, step_arcsec: float) -> Plan:
+    """The plan as the axes stand: each position of an axis off by its own rounding."""
+    k, off = made.conditions, {}
+    for name in ("a_deg", "c_deg"):
+        distinct, at = np.unique(getattr(k, name), return_inverse=True)
+        rounding = rng.uniform(-0.5, 0.5, len(distinct)) * step_arcsec / 3600
+        off[name] = getattr(k, name) + rounding[at]
+    return replace(made, conditions=replace(k, **off))
+
+
+def test_expanded_uncertainties_cover_where_rotary_axes_stand() -> None:
+    """A stands at one place while C turns, and comes back to it."""
+    made, twin, setup = known_setup()
+    setup = replace(setup, resolution=replace(setup.resolution, rotary_arcsec=7.2))
+    inside, runs = dict.fromkeys(("EA0A", "EZ0A", "EC0A"), 0), needed_runs(COVERED)
+    for seed in range(runs):
+        rng = np.random.default_rng([7, seed])
+        truth = Truth(errors=random_errors(rng), placement=random_placement(rng))
+        m = measure(stands_off(made, rng, 7.2), twin, truth, noise_um=0.2, seed=seed)
+        k = made.conditions
+        touches = tn.Touches({**m.columns, "a_deg": k.a_deg, "c_deg": k.c_deg})
+        budget = tn.identify(touches, setup).budget(list(inside))
+        for name in inside:
+            inside[name] += abs(budget[name].value - truth.errors[name]) < budget.expanded[name]
+    for name, count in inside.items():
+        assert kept(count, runs, COVERED), name
+
+
+def test_what_the_set_up_states_is_in_the_budget_of_several_measurements() -> None:
+    """A circle says nothing of it; further touches of the same artefact have the same errors."""
+    made, twin, setup = known_setup()
+    setup = replace(setup, resolution=replace(setup.resolution, rotary_arcsec=7.2))
+    truth = Truth(errors=random_errors(np.random.default_rng(3)))
+    first, second = (
+        tn.Touches(measure(made, twin, truth, noise_um=0.2, seed=seed).columns) for seed in (4, 5)
+    )
+    alone = tn.diagnose(first, setup).budget()
+    for beside in (circle(np.random.default_rng(6), (0, 0), (0, 0), 0.0), second):
+        joint = tn.diagnose([first, beside], setup).budget()
+        for name in ("EX0C", "EZ0A", "EA0A", "EC0A"):
+            lines, own = (
+                {
+                    x.source: x.contribution
+                    for x in b[name].lines
+                    if x.source not in (READINGS, RESOLUTION)
+                }
+                for b in (joint, alone)
+            )
+            assert len(own) > 5
+            assert lines == pytest.approx(own, rel=0.05, abs=0.02), name
 
 
 def test_the_monte_carlo_method_agrees_where_the_model_is_linear() -> None:

@@ -44,3 +44,19 @@ def test_a_run_after_a_backlash_was_made_smaller_agrees(seed: int) -> None:
     none = tn.diagnose([*dates[:1], stops(rng, "y", 0.0, 6.0)])
     assert none.named == {"backlash_y"}
     assert not any("in the order of time" in note for note in none.notes)
+
+
+def test_a_location_error_that_changed_stays_so_in_touches_alone() -> None:
+    """A circle after it has no location errors; what to measure next adds one."""
+    setup = tn.read_setup(tn.sample_path("hidden/setup.toml"))
+    plan = tn.plan(setup)
+    before, after = (
+        tn.simulate(plan, setup, {"EX0C": um}, noise_um=0.3, seed=seed)
+        for seed, um in enumerate((0.0, 6.0))
+    )
+    last = circle(np.random.default_rng(7), (0, 0), (0, 0), 0.0)
+    d = tn.diagnose([before, after, last], setup)
+    assert any("touches 2:change_EX0C" in causes for causes in d.alternatives)
+    ambiguous = tn.diagnose([before, after], setup)
+    assert len(ambiguous.alternatives) > 1
+    assert any(one.kind == "ballbar" for one in tn.next_measurement(ambiguous, setup))

@@ -94,6 +94,9 @@ class Input:
         As of :class:`Source`.
     columns
         Change of each reading per unit of each input, shape (n, m).
+    keys
+        What each input is one of, (m,): the same key of the same name is the same input in another
+        measurement. By default their numbers.
     """
 
     name: str
@@ -101,6 +104,7 @@ class Input:
     unit: str
     columns: Floats
     shape: Shape = "normal"
+    keys: tuple[float, ...] = ()
 
     def source(self, rates: Floats) -> Source:
         """Return the source that it is of an estimate with these rates (p, m)."""

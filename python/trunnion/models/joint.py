@@ -35,6 +35,7 @@ from trunnion.diagnosis.of_some import OfSome, Orthonormal
 from trunnion.diagnosis.one_effect import OneEffect
 from trunnion.diagnosis.scan import Dictionary
 from trunnion.diagnosis.whitening import Whiten, Whiteners
+from trunnion.machine.budget import Input
 from trunnion.machine.effects import Owner, Together
 from trunnion.models.agreement import APART, LEVEL, effects_apart, errors_apart
 from trunnion.models.one_bar import Instruments, ScaleAlike
@@ -44,20 +45,20 @@ from trunnion.models.parts import (
     ExtendedJoint,
     Part,
     are_alike,
-    fields_of,
     fitted_alone,
     joined_components,
     joined_covariates,
     joined_dictionary,
+    joined_inputs,
     joined_labels,
     joined_noise,
     joined_readings,
+    joined_replicates,
     places_of,
+    size_of,
     with_odds,
 )
 from trunnion.setup.names import shared_label
-
-UNIT_NAMES = {"µm": "um"}  # in names of parameters
 
 
 class JointModel(Model):
@@ -192,9 +193,8 @@ class JointModel(Model):
                 x = self.nuisance[k]
                 id_ = f"{part.name}:change_{x.name}"
                 self._changes[id_] = Change(i, error=x.name)
-                unit = UNIT_NAMES.get(x.unit, x.unit)
                 label = f"change of {x.name} before {part.name}"
-                yield self._effect(id_, (Parameter(f"change_{unit}", x.unit),), label, x.owner)
+                yield self._effect(id_, (size_of("change", x),), label, x.owner)
             for shared, acts in list(self._acts.items()):
                 effect = made[shared]
                 # All axes alike: only where both dates see several of them.
@@ -218,9 +218,11 @@ class JointModel(Model):
         kinds = [part.kind for part in self.parts]
         for kind, k in errors_apart(self.parts, self._index):
             x = self.nuisance[k]
-            parameter = Parameter(f"differs_{UNIT_NAMES.get(x.unit, x.unit)}", x.unit)
-            change = Change(kinds.index(kind), error=x.name, of_kind=True)
-            yield self._difference(kind, change, (parameter,), x.name, x.owner, LEVEL)
+            change, size = (
+                Change(kinds.index(kind), error=x.name, of_kind=True),
+                size_of("differs", x),
+            )
+            yield self._difference(kind, change, (size,), x.name, x.owner, LEVEL)
         acting = {
             shared: [(a.part, a.effect) for a in acts]
             for shared, acts in self._acts.items()
@@ -293,12 +295,13 @@ class JointModel(Model):
         return at, own
 
     def _concerns(self, i: int, change: Change) -> bool:
-        """Whether a change acts on a part: of its kind, or not before it, or not after."""
+        """Whether a change acts on a part, if it has that: of its kind, or not before, or after."""
+        has = not change.error or self._position(i, change.error) >= 0
         same = self.parts[i].kind == self.parts[change.since].kind
-        return same if change.of_kind else (i < change.since) == change.ended
+        return has and (same if change.of_kind else (i < change.since) == change.ended)
 
     def _position(self, i: int, error: str) -> int:
-        return next(k for k, x in enumerate(self.parts[i].model.nuisance) if x.name == error)
+        return next((k for k, x in enumerate(self.parts[i].model.nuisance) if x.name == error), -1)
 
     def predict(self, nuisance: Floats, effects: EffectValues) -> Floats:
         """Return the readings of all parts, shape (n,)."""
@@ -443,9 +446,7 @@ class JointModel(Model):
     @property
     def replicates(self) -> Integers | None:
         """The repeats of each part."""
-        own = [p.model.replicates for p in self.parts]
-        known = [np.asarray(labels) for labels in own if labels is not None]
-        return joined_labels(known) if len(known) == len(own) else None
+        return joined_replicates(self.parts)
 
     @property
     def rank_tolerance(self) -> float:
@@ -456,6 +457,11 @@ class JointModel(Model):
     def remarks(self) -> tuple[str, ...]:
         """Of each part, with its name."""
         return tuple(f"{p.name}: {text}" for p in self.parts for text in p.model.remarks)
+
+    def inputs(self, nuisance: Floats, effects: EffectValues) -> tuple[Input, ...]:
+        """What the set-up states an uncertainty of, in all parts that it acts in."""
+        own = [self.of_part(i, nuisance, effects) for i in range(len(self.parts))]
+        return joined_inputs(self.parts, self._at, own)
 
     def bind(self, data: Any) -> Model:
         """Return the model of other measurements, in the same order."""
@@ -476,19 +482,10 @@ class JointModel(Model):
         self, nuisance: Floats, effects: EffectValues, uncertainty: Uncertainty | None = None
     ) -> ExtendedJoint:
         """Return the machine by name, and what is each measurement's own."""
-        named = dict(zip((x.name for x in self.nuisance), map(float, nuisance), strict=True))
-        machine = {x.name for x in self.nuisance if x.owner is Owner.MACHINE}
         found = [e for e in self.effects if e.id in effects]
-        return ExtendedJoint(
-            **fields_of(self.parts),
-            errors={k: v for k, v in named.items() if k in machine},
-            placement={k: v for k, v in named.items() if k not in machine},
-            effects={k: dict(v) for k, v in effects.items()},
-            owners={e.id: e.owner for e in found},
-            motions={e.id: e.motion for e in found if e.motion is not None},
-            not_compensable={e.id: why for e in found if (why := self._idle(e.id, effects))},
-            **({} if uncertainty is None else uncertainty.fields()),
-        )
+        named = list(zip(self.nuisance, nuisance.tolist(), strict=True))
+        idle = {e.id: why for e in found if (why := self._idle(e.id, effects))}
+        return ExtendedJoint.of(self.parts, named, found, effects, idle, uncertainty)
 
     def _idle(self, id_: str, effects: EffectValues) -> str:
         """Why an effect, beside the others of a set, says nothing to a compensation; or nothing."""

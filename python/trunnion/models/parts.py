@@ -13,18 +13,21 @@ import numpy as np
 from trunnion.base.resolution import Grid
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import Candidates
-from trunnion.diagnosis.effect import Effect, EffectValues, Values
+from trunnion.diagnosis.effect import Effect, EffectValues, Parameter, Values
 from trunnion.diagnosis.linearised import Linearised
-from trunnion.diagnosis.model import Covariate, Model, Readings
+from trunnion.diagnosis.model import Covariate, Model, Nuisance, Readings, Uncertainty
 from trunnion.diagnosis.of_some import OfSome, Orthonormal
 from trunnion.diagnosis.records import units_of
 from trunnion.diagnosis.scan import Dictionary
 from trunnion.diagnosis.whitening import Scaled, Whiten, Whiteners
+from trunnion.machine.budget import Input
+from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.machine.geometry import made_with
 from trunnion.setup import Setup
 
 MAX_KEPT = 8  # predictions of a part
+UNIT_NAMES = {"µm": "um"}  # in names of parameters
 
 
 @dataclass(frozen=True)
@@ -228,6 +231,35 @@ def joined_covariates(parts: Sequence[Part]) -> tuple[Covariate, ...]:
     return tuple(made)
 
 
+def joined_replicates(parts: Sequence[Part]) -> Integers | None:
+    """Labels of repeats, if all parts have them."""
+    own = [p.model.replicates for p in parts]
+    known = [np.asarray(labels) for labels in own if labels is not None]
+    return joined_labels(known) if len(known) == len(own) else None
+
+
+def joined_inputs(
+    parts: Sequence[Part], at: Sequence[slice], own: Sequence[tuple[Floats, dict[str, Values]]]
+) -> tuple[Input, ...]:
+    """What the set-up states an uncertainty of: the same in all measurements that it acts in.
+
+    ``own``: nuisance and effects of each part.
+    """
+    n, found = (
+        sum(len(p.model.readings) for p in parts),
+        dict[str, tuple[Input, dict[float, Floats]]](),
+    )
+    for part, some, (nuisance, effects) in zip(parts, at, own, strict=True):
+        for one in part.model.inputs(nuisance, effects):
+            columns = found.setdefault(one.name, (one, {}))[1]
+            for i, key in enumerate(one.keys or map(float, range(one.columns.shape[1]))):
+                columns.setdefault(key, np.zeros(n))[some] = one.columns[:, i]
+    return tuple(
+        replace(one, columns=np.column_stack([*columns.values()]), keys=tuple(columns))
+        for one, columns in found.values()
+    )
+
+
 def joined_components(parts: Sequence[Part]) -> dict[str, Floats]:
     """How an unknown disturbance enters the readings, by name: not those of parts without it.
 
@@ -282,6 +314,11 @@ def with_odds(
     return tuple(out)
 
 
+def size_of(what: str, error: Nuisance) -> Parameter:
+    """Return the size of what happens to an error, as a parameter in its unit."""
+    return Parameter(f"{what}_{UNIT_NAMES.get(error.unit, error.unit)}", error.unit)
+
+
 def are_alike(first: Effect, other: Effect) -> bool:
     """Whether two effects have the same parameters, or one each in the same unit."""
     if len(first.parameters) == len(other.parameters) == 1:
@@ -302,6 +339,36 @@ class ExtendedJoint(Estimate):
     """
 
     measurements: tuple[str, ...]
+
+    @classmethod
+    def of(
+        cls,
+        parts: Sequence[Part],
+        values: Iterable[tuple[Nuisance, float]],
+        found: Iterable[Effect],
+        effects: EffectValues,
+        idle: Mapping[str, str],
+        uncertainty: Uncertainty | None,
+    ) -> ExtendedJoint:
+        """Return the machine by name, and what is each measurement's own.
+
+        ``values``: of what is always fitted; ``found``: the effects that have values; ``idle``: of
+        some of them, why they say nothing to a compensation.
+        """
+        own: dict[bool, dict[str, float]] = {True: {}, False: {}}
+        for x, value in values:
+            own[x.owner is Owner.MACHINE][x.name] = value
+        found = list(found)
+        return cls(
+            **fields_of(parts),
+            errors=own[True],
+            placement=own[False],
+            effects={k: dict(v) for k, v in effects.items()},
+            owners={e.id: e.owner for e in found},
+            motions={e.id: e.motion for e in found if e.motion is not None},
+            not_compensable=dict(idle),
+            **({} if uncertainty is None else uncertainty.fields()),
+        )
 
 
 def fields_of(parts: Sequence[Part]) -> dict[str, Any]:

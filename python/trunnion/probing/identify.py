@@ -35,7 +35,6 @@ from trunnion.probing.model import (
     known_sigma_um,
     rounding_um,
     steps_um,
-    stops_of,
 )
 from trunnion.probing.own_effects import Found, Loss, TouchProblem, own_names
 from trunnion.probing.recorded import readings_um
@@ -275,7 +274,8 @@ def _sources(
     rounding = rounding_um(model.setup, data)
     rest = found.covariance - _covariance(known, len(found.values))
     readings = of_readings(rest, found.sigma_um, "µm", rounding, freedom)
-    stated = inputs_of(model, problem.moves, stops_of(data), found.values[: len(model.names)])
+    values = found.values[: len(model.names)]
+    stated = inputs_of(model, problem.moves, data.rotary_deg, values)
     gain = cofactor @ weighted.T
     return (*readings, *known, *(one.source(gain @ one.columns) for one in stated))
 

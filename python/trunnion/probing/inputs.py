@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from trunnion._core import Moves
-from trunnion.base.units import Floats, Integers, unit_of
+from trunnion.base.units import Floats, unit_of
 from trunnion.machine.budget import Input
 from trunnion.machine.stated import Stated
 from trunnion.probing.model import TouchModel, catalogue
@@ -53,17 +53,17 @@ def certificate(model: TouchModel) -> dict[str, Stated]:
 
 
 def inputs_of(
-    model: TouchModel, moves: Moves, stops: Integers, values: Floats
+    model: TouchModel, moves: Moves, positions: Mapping[str, Floats], values: Floats
 ) -> tuple[Input, ...]:
     """List what the set-up states an uncertainty of, with its influence on touches.
 
     ``model``, ``values``: touches with the effects that are fitted, and their parameters (p,);
-    what is fitted is no input. ``moves``: The touches, as the model knows them. ``stops``: Number
-    of the position of the rotary axes of each, (n,).
+    what is fitted is no input. ``moves``: The touches, as the model knows them. ``positions``:
+    Commanded positions of each rotary axis by its letter, (n,) degrees.
     """
     stated = stated_of(model.setup)
     others = {k: one for k, one in stated.items() if k not in model.effect_ids}
-    return (*_known_to(model, moves, others), *_rotary_steps(model, moves, stops, values))
+    return (*_known_to(model, moves, others), *_rotary_steps(model, moves, positions, values))
 
 
 def _known_to(fitted: TouchModel, moves: Moves, stated: Mapping[str, Stated]) -> Iterator[Input]:
@@ -91,14 +91,17 @@ def turning(model: TouchModel, moves: Moves, values: Floats) -> dict[str, Floats
 
 
 def _rotary_steps(
-    model: TouchModel, moves: Moves, stops: Integers, values: Floats
+    model: TouchModel, moves: Moves, positions: Mapping[str, Floats], values: Floats
 ) -> Iterator[Input]:
-    """Rounding of the commands to each rotary axis, in each of its positions."""
+    """Rounding of the commands to each rotary axis: the same in all touches of one position of it.
+
+    However often the other axes turn meanwhile, and the axis comes back.
+    """
     step = model.setup.resolution.rotary_arcsec
     if step <= 0:
         return
-    at_stop = stops[:, None] == np.arange(stops.max(initial=0) + 1)
     for letter, change in turning(model, moves, values).items():
-        columns = np.where(at_stop, change[:, None], 0.0)
-        name = f"steps of the {letter.upper()} axis"
-        yield Input(name, step / np.sqrt(12), "arcsec", columns, "rectangular")
+        distinct, at = np.unique(np.round(positions[letter], 3), return_inverse=True)
+        columns = np.where(at[:, None] == np.arange(len(distinct)), change[:, None], 0.0)
+        name, keys = f"steps of the {letter.upper()} axis", tuple(distinct.tolist())
+        yield Input(name, step / np.sqrt(12), "arcsec", columns, "rectangular", keys)
