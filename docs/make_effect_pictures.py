@@ -39,7 +39,8 @@ def abscissa(effect: Effect, change: np.ndarray, recorded: dict[str, np.ndarray]
     bins explain most of the change.
     """
     timed = ("time_s",) if effect.id.startswith(("drift", "warmup", "setup_shift")) else ()
-    for name in (*timed, *effect.info().needs, f"{effect.id.partition('_')[0]}_deg"):
+    placed = ("target_mm",) if effect.id.startswith("reversal_") else ()
+    for name in (*timed, *placed, *effect.info().needs, f"{effect.id.partition('_')[0]}_deg"):
         if name in recorded and not name.endswith("_dir"):
             return name
 

@@ -37,6 +37,13 @@ def worn(data: tn.Positioning, rng: np.random.Generator) -> np.ndarray:
     return np.asarray(rng.uniform(2, 6) * data.direction * (more - more.mean()))
 
 
+def wound_up(data: tn.Positioning, rng: np.random.Generator) -> np.ndarray:
+    """A screw of 25 mm held at one end: friction stretches what is between, either way."""
+    newton, stiff = rng.uniform(200, 800), 206e3 * np.pi / 4 * 25.0**2
+    stretch_um = 1e3 * newton * data.target / stiff
+    return np.asarray(data.direction * (stretch_um - stretch_um.mean()))
+
+
 def beside_a_line(place: np.ndarray, change: np.ndarray) -> np.ndarray:
     """A change less the straight line in it."""
     return np.asarray(change - np.polyval(np.polyfit(place, change, 1), place))
@@ -45,6 +52,7 @@ def beside_a_line(place: np.ndarray, change: np.ndarray) -> np.ndarray:
 HIDDEN: dict[str, Callable[[tn.Positioning, np.random.Generator], np.ndarray]] = {
     "scale": lambda d, rng: 1e-3 * rng.uniform(10, 30) * (d.target - 250),
     "reversal": lambda d, rng: rng.uniform(1, 4) * d.direction,
+    "reversal_slope": wound_up,
     "reversal_of_position": worn,
     "cycle_drift": lambda d, rng: rng.uniform(0.5, 2) * (d.cycle - 1),
     # a screw whose pitch wanders, seen by stops: not a wave of the catalogue, but one in places

@@ -231,6 +231,7 @@ OF_TIME = ("cycle_drift", "drift", "warmup", "expansion")
 IDS = (
     "scale",
     "reversal",
+    "reversal_slope",
     "reversal_of_position",
     "periodic",
     *(f"harmonic_{n}" for n in range(1, MAX_HARMONIC + 1)),
@@ -278,6 +279,10 @@ def _catalogue(data: Positioning, unit: str) -> list[Effect]:
             linear("reversal", [f"b_{unit}"], d / 2, "reversal of the axis, forward less backward")
         )
     if len(both) > 2:
+        # Friction winds up a screw that is held at one end; without times a steady drift looks so.
+        if not data.rotary and _timed(data):
+            label, grows = "reversal that grows along the axis", d / 2 * 1e-6 * size
+            out.append(linear("reversal_slope", ["rate_um_m"], grows, label))
         beside = _beside(_hats(targets, both)[index], np.ones((len(both), 1)))[:, 1:]
         label = "reversal that depends on position"
         columns, names = d[:, None] / 2 * beside, _places(both[1:], suffix, unit)
@@ -380,8 +385,13 @@ def _harmonics(data: Positioning, count: int) -> list[Effect]:
     ]
 
 
+def _timed(data: Positioning) -> bool:
+    """Whether the stops have times of their own."""
+    return data.time_s is not None and bool(np.ptp(data.time_s) > 0)
+
+
 def _of_time(data: Positioning, unit: str) -> list[Effect]:
-    if data.time_s is None or np.ptp(data.time_s) <= 0:
+    if data.time_s is None or not _timed(data):
         return []
     seconds = np.asarray(data.time_s) - float(np.min(data.time_s))
     ones = np.ones(len(data))
