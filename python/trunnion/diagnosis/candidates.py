@@ -106,6 +106,7 @@ class Candidates:
     positive: frozenset[int] = frozenset()  # candidates of one column, nothing if negative
     stated: Mapping[int, float] = MappingProxyType({})  # candidates whose size is known to be small
     apart: frozenset[int] = frozenset()  # masks of two candidates that no set has both of
+    several: bool = False  # whether they are of several measurements
     _banned: frozenset[int] = frozenset()
     _inner_products: Among  # of blocks that were asked for together
     _last: tuple[Floats, Floats] | None = None  # residuals and their products
@@ -149,6 +150,7 @@ class Candidates:
         """
         new = object.__new__(Candidates)
         new.stated, new.positive, new.apart = self.stated, self.positive, self.apart
+        new.several = self.several
         new._build(enumerate(variants), len(variants), 0, self._basis)
         new.owner = np.concatenate([self.owner, new.owner + self.count])
         new.variant = np.concatenate([self.variant, new.variant])

@@ -16,6 +16,7 @@ from trunnion.diagnosis.columns import Columns
 from trunnion.diagnosis.effect import Values
 from trunnion.diagnosis.fit import Fit, first_values, variant_columns
 from trunnion.diagnosis.noise import Whitener
+from trunnion.diagnosis.whitening import Whiteners
 
 if TYPE_CHECKING:
     from trunnion.diagnosis.case import Case
@@ -44,6 +45,7 @@ def candidates_of(case: Case) -> Candidates:
         for j, e in enumerate(case.effects)
         for other in e.instead_of
     )
+    found.several = isinstance(case.whiten, Whiteners)
     if case.dependent:
         found.dependent = DEPENDENT_INCOMPLETE
     return _weighed(case, found)

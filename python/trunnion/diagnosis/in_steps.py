@@ -26,7 +26,7 @@ from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Values
 from trunnion.diagnosis.fit import Fit, variant_columns
 from trunnion.diagnosis.scorer import cost
-from trunnion.diagnosis.selection import Search
+from trunnion.diagnosis.selection import WITHIN, Search
 from trunnion.diagnosis.whitening import identity
 
 Blocks: TypeAlias = tuple[int, ...]
@@ -58,9 +58,9 @@ def by_probability(case: Case, searched: Search, picked: tuple[int, ...] = ()) -
         return searched
     best, alike = min(scores, key=scores.__getitem__), set[Blocks]()
     for blocks, score in scores.items():
-        named = len(blocks) <= len(best) and score < scores[()] - searched.within
+        named = len(blocks) <= len(best) and score < scores[()] - WITHIN
         if named and logs[blocks] > logs[best] - SAME:
-            scores[blocks] = min(score, scores[best] + searched.within)
+            scores[blocks] = min(score, scores[best] + WITHIN)
             alike.add(blocks)
     return searched.scored(scores, alike)
 

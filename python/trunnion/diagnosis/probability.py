@@ -36,7 +36,7 @@ from trunnion.base.units import Floats
 from trunnion.diagnosis.candidates import NAMING_LEVEL, Candidates
 from trunnion.diagnosis.evidence import RANGE, SIZES, Evidence
 from trunnion.diagnosis.scorer import SCORE_DIGITS
-from trunnion.diagnosis.selection import TINY, Found, Search
+from trunnion.diagnosis.selection import TINY, WITHIN, Found, Search
 
 Members = frozenset[int]
 
@@ -160,7 +160,7 @@ class Probabilities:
         None is empty. A good score of sets that are next to impossible (a curve of ten parameters
         for a difference of two) names none of them.
         """
-        best = min(f.score for f in self.known.values()) + self.search.within
+        best = min(f.score for f in self.known.values()) + WITHIN
         near = {mask for mask, f in self.known.items() if mask and f.score <= best}
         weights = {m: w for m, w in self._weights.items() if m in self.known}
         least = max((weights.get(m, 0.0) for m in near), default=math.inf) / NEAR_ODDS

@@ -37,6 +37,7 @@ from trunnion.diagnosis.scorer import SCORE_DIGITS, Scorer
 
 WITHIN = 6.0  # "within 6 of the best": a likelihood ratio of exp(3) = 20
 BEAM = 20
+BEAM_OF_SEVERAL = 32  # measurements: many sets of a size differ in what explains nothing
 REACH = 30.0  # above the best score, to which sets are weighed: a likelihood ratio of 3e6
 SAME_SCORE = 1e-9
 MAX_CAUSES = 12
@@ -72,22 +73,20 @@ def search(
     r: Floats,
     *,
     floor: Floor = NO_FLOOR,
-    within: float = WITHIN,
-    beam: int = BEAM,
     most: int = MAX_CAUSES,
     after: "Search | None" = None,
 ) -> "Search":
     """Search the sets of causes that explain residuals.
 
     ``r``: residuals with the nuisance projected out, shape (n,). ``floor``: of the variance of a
-    reading. ``within``: of the best score, what counts as near it. ``after``: a search among the
-    first of these candidates, of which no good set is to be lost.
+    reading. ``most``: causes of a set. ``after``: a search among the first of these candidates, of
+    which no good set is to be lost.
     """
-    s = Search(c, r, floor, within)
+    s = Search(c, r, floor)
     if len(c.leaders):
-        s.widen(beam, most)
+        s.widen(s.beam, most)
         if after is not None:
-            s.take_over(after, beam)
+            s.take_over(after)
         s.exchange()
         s.settle()
     return s
@@ -99,7 +98,7 @@ def one_by_one(c: Candidates, r: Floats, *, floor: Floor = NO_FLOOR) -> Found:
     What it leaves is about what the best of all sets leaves: where a cause stands for another, or
     several for a few, it explains as much. ``r``, ``floor``: as of :func:`search`.
     """
-    s = Search(c, r, floor, WITHIN)
+    s = Search(c, r, floor)
     if len(c.leaders):
         s.widen(1, MAX_CAUSES)
     return min(s.known.values(), key=lambda f: f.score)
@@ -110,6 +109,8 @@ class Search:
 
     Attributes
     ----------
+    beam:
+        How many sets of each size are kept.
     best:
         The best score, of the empty set too.
     nothing:
@@ -126,8 +127,9 @@ class Search:
         What is known of the evidence of sets, by their blocks in order (:mod:`.evidence`).
     """
 
-    def __init__(self, c: Candidates, r: Floats, floor: Floor, within: float) -> None:
-        self.c, self.within = c, within
+    def __init__(self, c: Candidates, r: Floats, floor: Floor) -> None:
+        self.c = c
+        self.beam = BEAM_OF_SEVERAL if c.several else BEAM
         rss = float(r @ r)
         self.score = Scorer(c.dof, floor, 1e-14 * rss)
         self.residual = c.products(r)
@@ -148,8 +150,8 @@ class Search:
 
     @property
     def found(self) -> list[Found]:
-        """Sets whose score lies within ``within`` of the best, best first; none is empty."""
-        near = (f for f in self.known.values() if f.score <= self.best + self.within and f.members)
+        """Sets whose score lies within `WITHIN` of the best, best first; none is empty."""
+        near = (f for f in self.known.values() if f.score <= self.best + WITHIN and f.members)
         return sorted(near, key=lambda f: f.score)
 
     @property
@@ -168,17 +170,17 @@ class Search:
             before = self.best
             chosen = self.grow(states, beam)
             scores = [self.known[s.mask | self.bit(block)].score for s, block in chosen]
-            if not scores or min(scores) > before + self.within:
+            if not scores or min(scores) > before + WITHIN:
                 break
             self.c.prepare(block for _, block in chosen)
             states = [self.extended(s, block) for s, block in chosen]
 
-    def take_over(self, other: "Search", keep: int) -> None:
+    def take_over(self, other: "Search") -> None:
         """Know the sets of a search among fewer candidates; try every other beside the best."""
         self._recall(other, other.made)
         self.at_best, self.of_variants = dict(other.at_best), dict(other.of_variants)
-        if near := [self.built(f.blocks) for f in other.found[:keep]]:
-            self.grow(near, keep)
+        if near := [self.built(f.blocks) for f in other.found[: self.beam]]:
+            self.grow(near, self.beam)
 
     def _recall(self, other: "Search", masks: Collection[int]) -> None:
         """Know some sets of another search, with their scores before they were settled."""
@@ -194,9 +196,7 @@ class Search:
             self.remember(mask, f.blocks, score, f.rss, f.columns)
         self.best = min(f.score for f in self.known.values())
 
-    def without(
-        self, banned: Collection[int], beam: int = BEAM, most: int = MAX_CAUSES
-    ) -> "Search":
+    def without(self, banned: Collection[int]) -> "Search":
         """Search again without some candidates, which are banned now.
 
         It begins with the best sets that have none of them, and what they leave of others.
@@ -210,11 +210,11 @@ class Search:
         new._recall(self, [mask for mask in self.made if not mask & gone])
         left = [tuple(b for b in f.blocks if self.owner[b] not in banned) for f in self.found]
         begin = [new._noted(blocks) for blocks in dict.fromkeys(left)]
-        near = sorted(new.known.values(), key=lambda f: f.score)[:beam]
+        near = sorted(new.known.values(), key=lambda f: f.score)[: self.beam]
         known = {s.mask for s in begin}
         new.scores |= {mask: new.known[mask].score for mask in known}
         begin += [s for s in (new.built(f.blocks) for f in near) if s.mask not in known]
-        new.widen(beam, most, begin)
+        new.widen(self.beam, MAX_CAUSES, begin)
         new.exchange()
         new.settle()
         return new
@@ -223,7 +223,7 @@ class Search:
         """Try each cause of the best sets against every other candidate."""
         tried = set[int]()
         for _ in range(EXCHANGES):
-            near = [f for f in self.known.values() if f.score <= self.best + self.within]
+            near = [f for f in self.known.values() if f.score <= self.best + WITHIN]
             near.sort(key=lambda f: f.score)
             fresh: list[_State] = []
             for f in near[:EXCHANGED_SETS]:
@@ -472,7 +472,7 @@ class Search:
         seen: set[int] = set()
         scores, made, bits = self.scores, self.made, self.bits
         for value, i, block, rss, columns in tried:
-            full = len(chosen) >= keep and value > best + self.within
+            full = len(chosen) >= keep and value > best + WITHIN
             if full and value > best + REACH:
                 break
             state = states[i]
