@@ -62,3 +62,49 @@ def test_lengths_of_a_plan_are_of_all_its_rows() -> None:
     assert len(lengths) == len(data)
     off = np.asarray(data.length_mm) - lengths
     assert np.std(np.delete(off, [0, 90, 180, 270, 360, 450, 540, 630])) < 2e-4
+
+
+def sticking(seed: int, start_deg: float, came: float) -> tn.Ballbar:
+    """A circle of axes that stick by 3 µm where they turn, and are free again 6° later (1/e).
+
+    came: Share of that with which X sticks where the circle begins: 0 after a rest.
+    """
+    rng = np.random.default_rng(seed)
+    rows = []
+    for sense in (1, -1):
+        for k in range(360):
+            at = start_deg + k  # of the way, deg
+            x, y = np.cos(np.radians(at)), sense * np.sin(np.radians(at))
+            real = RADIUS_MM * np.array([x, y])
+            for axis, turns in enumerate((0.0, 90.0)):
+                gone = (at - turns) % 180.0
+                behind = -np.array([-y, x])[axis] * sense  # against its travel
+                share = came if at - gone < start_deg else 1.0
+                real[axis] += 3e-3 * share * np.sign(behind) * np.exp(-gone / 6.0)
+            length = np.linalg.norm(real - (0.02, -0.03)) + 4e-4 * rng.standard_normal()
+            rows.append((RADIUS_MM * x, RADIUS_MM * y, length, sense, 0.1571 * k))
+    x, y, length, sense, time = np.array(rows).T
+    return tn.Ballbar(
+        {"setup": np.ones(len(x)), "x_mm": x, "y_mm": y, "length_mm": length, "sense": sense}
+        | {"feed_mm_min": np.full(len(x), 1000.0), "time_s": time}
+    )
+
+
+@pytest.mark.parametrize(("start_deg", "came"), [(0.5, 1.0), (0.5, 0.6), (0.5, 0.0), (30.0, 1.0)])
+def test_an_axis_sticks_at_the_start_of_a_circle_as_much_as_it_came(
+    start_deg: float, came: float
+) -> None:
+    """On a circle of more than a turn it turns back just before the readings begin."""
+    for seed in (7, 8, 9):
+        found = tn.diagnose(sticking(seed, start_deg, came))
+        assert found.named == {"reversal_spike_x", "reversal_spike_y"}
+        x, y = (next(c for c in found.causes if c.id == f"reversal_spike_{a}") for a in "xy")
+        for cause in (x, y):
+            off = cause.parameters["a_um"] - 3.0
+            assert abs(off) < 3.5 * cause.std_errors["a_um"]
+        assert set(y.parameters) == {"a_um", "decay_ms"}
+        if start_deg < 1.0:
+            off = x.parameters["start_um"] - 3.0 * came
+            assert abs(off) < 3.5 * x.std_errors["start_um"]
+        else:
+            assert set(x.parameters) == {"a_um", "decay_ms"}

@@ -135,21 +135,26 @@ def _reversal(path: Path, bar: Bar, axis: int) -> list[Effect]:
 
 
 def _spike(path: Path, bar: Bar, axis: int, sign: Floats) -> list[Effect]:
-    since = path.since_reversal(sign)
+    """An axis that sticks where it turns back; at the start of a circle as much as it came to."""
+    since, started = path.since_reversal(sign), path.since_start(sign)
     if not np.isfinite(since).any():
         return []
-    speed = path.speed_mm_s
-    name, past = ("decay_mm", since) if speed is None else ("decay_ms", since / speed * 1e3)
-    inside = past[np.isfinite(past) & (past > 0)]
+    speed, names = path.speed_mm_s, ["a_um"]
+    name, per_mm = ("decay_mm", np.ones(len(sign))) if speed is None else ("decay_ms", 1e3 / speed)
+    past = [since * per_mm]
+    inside = past[0][np.isfinite(since) & (since > 0)]
     if not len(inside):
         return []
+    if np.isfinite(started).any():
+        names.append("start_um")
+        past.append(np.where(np.isfinite(since), np.inf, started * per_mm))
     shortest = float(np.quantile(inside, 0.02)) / 2
     grid = tuple(map(float, np.geomspace(shortest, 60 * shortest, DECAYS)))
-    shape = Decay(name, past, -sign * bar.direction[:, axis])
+    shape = Decay(name, tuple(names), np.stack(past, axis=1), -sign * bar.direction[:, axis])
     return [
         gridded(
             f"reversal_spike_{AXES[axis]}",
-            ["a_um", Parameter(name, grid=grid, bounds=(shortest / 5, 300 * shortest))],
+            [*names, Parameter(name, grid=grid, bounds=(shortest / 5, 300 * shortest))],
             shape.columns,
             f"reversal spike of the {AXES[axis].upper()} axis",
             slopes=shape.slopes,
@@ -159,23 +164,28 @@ def _spike(path: Path, bar: Bar, axis: int, sign: Floats) -> list[Effect]:
 
 @dataclass(frozen=True, eq=False)
 class Decay:
-    """``enters`` · exp(-past/decay); nothing where ``past`` is infinite."""
+    """Size · ``enters`` (n,) · exp(-past/decay), a sum over sizes; nothing where it is infinite.
+
+    name: Of the decay. sizes: Names of these (k,). past: Since each began (n, k).
+    """
 
     name: str
+    sizes: tuple[str, ...]
     past: Floats
     enters: Floats
 
     def columns(self, values: Mapping[str, float]) -> Floats:
-        """Shape (n, 1)."""
+        """Shape (n, k)."""
         exponent = np.minimum(self.past / values[self.name], 700.0)
         left = np.where(np.isfinite(self.past), np.exp(-exponent), 0.0)
-        return np.asarray((self.enters * left)[:, None])
+        return np.asarray(self.enters[:, None] * left)
 
     def slopes(self, values: Mapping[str, float]) -> Floats:
         """Shape (n, 1)."""
         finite = np.where(np.isfinite(self.past), self.past, 0.0)
-        slope = values["a_um"] * finite / values[self.name] ** 2
-        return np.asarray(self.columns(values) * slope[:, None])
+        sizes = np.array([values[size] for size in self.sizes])
+        slope = self.columns(values) * finite / values[self.name] ** 2
+        return np.asarray((slope @ sizes)[:, None])
 
 
 def _gain_mismatch(path: Path, bar: Bar) -> list[Effect]:

@@ -160,6 +160,27 @@ class Path:
                     out[row] = self.along[row] - since
         return out
 
+    def since_start(self, sign: Floats) -> Floats:
+        """Path (mm) since a full circle began, up to the first reversal, where it began at one.
+
+        The sign at its end is the other: the machine came to the beginning on the circle, or along
+        its radius, and turned back there. It did so half a step before, or where it stands still.
+        Else inf.
+        """
+        out = np.full(len(sign), np.inf)
+        for rows in self.each():
+            moving = rows[sign[rows] != 0.0]
+            if len(moving) < 2 or sign[moving[0]] == sign[moving[-1]]:
+                continue
+            step = float(np.max(np.diff(self.along[rows])))
+            gap = float(np.linalg.norm(self.tips[rows[0]] - self.tips[rows[-1]]))
+            if gap > 1.5 * step:
+                continue
+            turned = np.flatnonzero(sign[rows] == -sign[moving[0]])[0]
+            before = 0.0 if sign[rows[0]] == 0.0 else gap / 2
+            out[rows[:turned]] = self.along[rows[:turned]] + before
+        return out
+
     def _older(self, since: float, rows: Integers, k: int, sign: Floats) -> bool:
         """Whether the reversal noted is not the one that ends at this reading."""
         return bool(sign[rows[k - 1]] != 0.0 or since < self.along[rows[k - 1]] - 1e-9)
