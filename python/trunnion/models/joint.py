@@ -218,11 +218,9 @@ class JointModel(Model):
         kinds = [part.kind for part in self.parts]
         for kind, k in errors_apart(self.parts, self._index):
             x = self.nuisance[k]
-            change, size = (
-                Change(kinds.index(kind), error=x.name, of_kind=True),
-                size_of("differs", x),
-            )
-            yield self._difference(kind, change, (size,), x.name, x.owner, LEVEL)
+            change = Change(kinds.index(kind), error=x.name, of_kind=True)
+            size = (size_of("differs", x),)
+            yield self._difference(kind, change, size, x.name, x.owner, LEVEL)
         acting = {
             shared: [(a.part, a.effect) for a in acts]
             for shared, acts in self._acts.items()

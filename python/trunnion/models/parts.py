@@ -245,10 +245,8 @@ def joined_inputs(
 
     ``own``: nuisance and effects of each part.
     """
-    n, found = (
-        sum(len(p.model.readings) for p in parts),
-        dict[str, tuple[Input, dict[float, Floats]]](),
-    )
+    n = sum(len(p.model.readings) for p in parts)
+    found: dict[str, tuple[Input, dict[float, Floats]]] = {}
     for part, some, (nuisance, effects) in zip(parts, at, own, strict=True):
         for one in part.model.inputs(nuisance, effects):
             columns = found.setdefault(one.name, (one, {}))[1]

@@ -172,7 +172,7 @@ impl Blocks {
         }
         let mut left = products.to_vec();
         for (i, row) in left.chunks_exact_mut(m.max(1)).enumerate() {
-            // Measurements share no columns: most have nothing in common.
+            // Columns of other measurements have nothing in common with it.
             for taken in set.taken.iter().filter(|taken| taken[start + i] != 0.0) {
                 let share = taken[start + i];
                 row.iter_mut().zip(taken.iter()).for_each(|(x, t)| *x -= share * t);
@@ -216,18 +216,12 @@ impl Blocks {
         for (free, x) in set.free.iter_mut().zip(&row) {
             *free -= x * x;
         }
-        let mut rest = set.cross.as_mut_slice();
+        let mut rest = set.cross.iter_mut();
         let narrow = self.start.iter().zip(&self.rank).filter(|(_, k)| **k > 1 && **k <= WIDE);
         for (&start, &k) in narrow {
-            let (own, pairs) = (&row[start..start + k], k * (k - 1) / 2);
-            let (mine, others) = rest.split_at_mut(pairs);
-            rest = others;
-            let mut pair = 0;
-            for i in 1..k {
-                for j in 0..i {
-                    mine[pair] -= own[j] * own[i];
-                    pair += 1;
-                }
+            let own = &row[start..start + k];
+            for (i, x) in own.iter().enumerate().skip(1) {
+                own[..i].iter().zip(rest.by_ref()).for_each(|(y, left)| *left -= y * x);
             }
         }
         set.rss -= along * along;
