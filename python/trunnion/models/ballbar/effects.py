@@ -13,7 +13,15 @@ from itertools import permutations
 import numpy as np
 
 from trunnion.base.units import ARCSEC, Floats, Integers
-from trunnion.diagnosis.effect import Effect, Parameter, drift, gridded, linear, periodic
+from trunnion.diagnosis.effect import (
+    Effect,
+    Parameter,
+    drift,
+    from_then_on,
+    gridded,
+    linear,
+    periodic,
+)
 from trunnion.machine.effects import Motion, Owner
 from trunnion.machine.linear_axes import CURVATURE, LinearMotion, arc
 from trunnion.models.ballbar.path import AXES, Path
@@ -134,9 +142,7 @@ class Slip:
 
     def columns(self, values: Mapping[str, float]) -> Floats:
         """Shape (n, k)."""
-        after = self.when >= values[self.name]
-        if after.any():
-            after &= self.group == self.group[after][np.argmin(self.when[after])]
+        after = from_then_on(values[self.name], self.when, self.group)
         return np.asarray(self.enters * after[:, None])
 
     def slopes(self, _: Mapping[str, float]) -> Floats:
