@@ -13,15 +13,7 @@ from itertools import permutations
 import numpy as np
 
 from trunnion.base.units import ARCSEC, Floats, Integers
-from trunnion.diagnosis.effect import (
-    Effect,
-    Parameter,
-    drift,
-    from_then_on,
-    gridded,
-    linear,
-    periodic,
-)
+from trunnion.diagnosis.effect import Effect, Parameter, drift, gridded, linear, periodic
 from trunnion.machine.effects import Motion, Owner
 from trunnion.machine.linear_axes import CURVATURE, LinearMotion, arc
 from trunnion.models.ballbar.path import AXES, Path
@@ -142,7 +134,9 @@ class Slip:
 
     def columns(self, values: Mapping[str, float]) -> Floats:
         """Shape (n, k)."""
-        after = from_then_on(values[self.name], self.when, self.group)
+        after = self.when >= values[self.name]
+        if after.any():
+            after &= self.group == self.group[after][np.argmin(self.when[after])]
         return np.asarray(self.enters * after[:, None])
 
     def slopes(self, _: Mapping[str, float]) -> Floats:
