@@ -87,7 +87,7 @@ FAMILIES = (
     ),
     Family(
         "backlash",
-        r"reversal(_of_position)?",
+        r"reversal(_of_position|_slope)?",
         "see first what backlash compensation the control has now; look at thrust bearing, nut and "
         "coupling; then change the compensation by the value that is left.",
         plus=_LOST[1],
