@@ -130,11 +130,7 @@ def test_what_the_set_up_states_is_in_the_budget_of_several_measurements() -> No
         joint = tn.diagnose([first, beside], setup).budget()
         for name in ("EX0C", "EZ0A", "EA0A", "EC0A"):
             lines, own = (
-                {
-                    x.source: x.contribution
-                    for x in b[name].lines
-                    if x.source not in (READINGS, RESOLUTION)
-                }
+                {x.source: x.contribution for x in b[name].lines if x.source not in OF_READINGS}
                 for b in (joint, alone)
             )
             assert len(own) > 5

@@ -280,7 +280,7 @@ def _catalogue(data: Positioning, unit: str) -> list[Effect]:
         )
     if len(both) > 2:
         # Friction winds up a screw that is held at one end; without times a steady drift looks so.
-        if not data.rotary and _timed(data):
+        if not data.rotary and _seconds(data) is not None:
             label, grows = "reversal that grows along the axis", d / 2 * 1e-6 * size
             out.append(linear("reversal_slope", ["rate_um_m"], grows, label))
         beside = _beside(_hats(targets, both)[index], np.ones((len(both), 1)))[:, 1:]
@@ -385,15 +385,17 @@ def _harmonics(data: Positioning, count: int) -> list[Effect]:
     ]
 
 
-def _timed(data: Positioning) -> bool:
-    """Whether the stops have times of their own."""
-    return data.time_s is not None and bool(np.ptp(data.time_s) > 0)
+def _seconds(data: Positioning) -> Floats | None:
+    """Time since the first stop; None: the stops have no times of their own."""
+    if data.time_s is None or np.ptp(data.time_s) <= 0:
+        return None
+    return np.asarray(data.time_s) - float(np.min(data.time_s))
 
 
 def _of_time(data: Positioning, unit: str) -> list[Effect]:
-    if data.time_s is None or not _timed(data):
+    seconds = _seconds(data)
+    if seconds is None:
         return []
-    seconds = np.asarray(data.time_s) - float(np.min(data.time_s))
     ones = np.ones(len(data))
     return [
         drift("drift", f"rate_{unit}_h", seconds / 3600.0, ones, "drift with time"),

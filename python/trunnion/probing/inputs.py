@@ -12,7 +12,7 @@ from trunnion._core import Moves
 from trunnion.base.units import Floats, unit_of
 from trunnion.machine.budget import Input
 from trunnion.machine.stated import Stated
-from trunnion.probing.model import TouchModel, catalogue
+from trunnion.probing.model import TouchModel, catalogue, positions_of
 from trunnion.setup import Setup
 
 STEP_ARCSEC = 10.0
@@ -101,7 +101,7 @@ def _rotary_steps(
     if step <= 0:
         return
     for letter, change in turning(model, moves, values).items():
-        distinct, at = np.unique(np.round(positions[letter], 3), return_inverse=True)
+        distinct, at = positions_of(positions[letter])
         columns = np.where(at[:, None] == np.arange(len(distinct)), change[:, None], 0.0)
         name, keys = f"steps of the {letter.upper()} axis", tuple(distinct.tolist())
         yield Input(name, step / np.sqrt(12), "arcsec", columns, "rectangular", keys)

@@ -104,11 +104,17 @@ def with_recognised_step(
     return known, f"Touches are recorded in steps of {step:.4g} µm; {UNKNOWN_TICK}."
 
 
+def positions_of(commanded_deg: Floats) -> tuple[Floats, Integers]:
+    """Positions of one rotary axis, in order, and the number of that of each touch, (n,)."""
+    distinct, number = np.unique(np.round(commanded_deg, 3), return_inverse=True)
+    return distinct, number
+
+
 def stops_of(touches: Touches) -> Integers:
     """Number of the position of the rotary axes in which each touch was made, shape (n,)."""
     stops = np.zeros(len(touches), dtype=np.intp)
     for positions in touches.rotary_deg.values():
-        distinct, number = np.unique(np.round(positions, 3), return_inverse=True)
+        distinct, number = positions_of(positions)
         stops = np.unique(stops * len(distinct) + number, return_inverse=True)[1]
     return stops
 
