@@ -55,6 +55,7 @@ CARTESIAN = (
     "drift",
     "reversal_spike",
     "straightness",
+    "setup_shift",
 )
 
 
@@ -281,6 +282,13 @@ def _cartesian_error(
         i, j = rng.permutation(pair)
         error[:, i] = way * arc(rec.points[:, j], rng.uniform(3e-3, 10e-3))
         name = f"straightness_{'xyz'[i]}_of_{'xyz'[j]}"
+    elif hidden == "setup_shift":
+        # the cup slips on the table, somewhere in the test: the tool stands off it from there on
+        rows = np.flatnonzero(rec.setup == rng.choice(np.unique(rec.setup)))
+        off = rng.standard_normal(2 if flat else 3)
+        slipped = rows[int(rng.uniform(0.2, 0.8) * len(rows)) :]
+        error[slipped, : len(off)] = way * 4e-3 * off / np.linalg.norm(off)
+        name = "setup_shift"
     elif hidden == "unknown":
         i, j = rng.permutation(pair)
         low, high = np.min(rec.points[:, j]) + DENT_MM, np.max(rec.points[:, j]) - DENT_MM

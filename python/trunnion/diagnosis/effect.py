@@ -16,12 +16,12 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from trunnion.base.rotation import wave_rows
 from trunnion.base.rows import ROWS_AT_HAND, at_hand, where
 from trunnion.base.statistics import in_columns
-from trunnion.base.units import Floats, Integers, capital, unit_of
+from trunnion.base.units import Flags, Floats, Integers, capital, unit_of
 from trunnion.diagnosis.classes import Spread
 from trunnion.machine.effects import EffectInfo, Motion, Owner, ParameterInfo, UserEffect
 from trunnion.machine.stated import Stated
@@ -307,6 +307,17 @@ def wave(place: Floats, period: float, a: float, b: float) -> Floats:
     rows = wave_rows(place, period, a, b)
     out[: len(rows)] = rows
     return out.T
+
+
+def from_then_on(moment: float, when: Floats, group: NDArray[Any]) -> Flags:
+    """Readings from a moment on, in the set-up of the first of them, (n,).
+
+    when, group: Time and number of the set-up of each, (n,).
+    """
+    after = when >= moment
+    if after.any():
+        after &= group == group[after][np.argmin(when[after])]
+    return np.asarray(after)
 
 
 def parameters_of(names: Sequence[str | Parameter]) -> tuple[Parameter, ...]:

@@ -24,15 +24,19 @@ from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Term
 from trunnion.diagnosis.selection import WITHIN, Found, Search, search
 from trunnion.diagnosis.structure import idle_beside
 from trunnion.diagnosis.terms import (
+    Competing,
     best_terms,
     by_rounding,
     holding_causes,
+    jumps_instead,
+    made_of_causes,
     one_term_score,
     promising,
     standing_at_once,
     stands_for_causes,
     sums_of_causes,
     with_a_name,
+    with_places,
 )
 from trunnion.diagnosis.whitening import Whiteners, correlated
 
@@ -415,25 +419,33 @@ def _expand(c: Candidates, f: Found) -> list[dict[int, int]]:
 # --- structure without a name
 
 
-def _competing(case: Case, best: Found, extended: Fit, unexplained: bool) -> list[int]:
+def _competing(case: Case, best: Found, extended: Fit, unexplained: bool) -> list[Competing]:
     """Terms that compete with the causes, as they may be there instead of some or beside them.
 
     ``unexplained``: the fit of the best set leaves structure; what a named cause alone makes
     competes only then.
     """
     picked: list[int] = []
+    instead: list[Competing] = []
     if unexplained or stands_for_causes(case, best):
         picked = promising(case, (extended, case.plain), at_once=unexplained)
-    if not unexplained:
+    if unexplained:
+        instead = jumps_instead(case, extended)
+        known = {one.term for one in instead}
+        picked = [i for i in picked if i not in known]
+    else:
         picked += standing_at_once(case, best)
-    excluded = sums_of_causes(case, picked, best) | holding_causes(case, picked)
+    competing = [*with_places(case, picked, (extended, case.plain)), *instead]
+    terms = [one.term for one in competing]
+    excluded = sums_of_causes(case, terms, best) | holding_causes(case, terms)
+    excluded |= made_of_causes(case, terms)
     if not unexplained:
-        excluded |= with_a_name(case, picked)
-    return [i for i in picked if i not in excluded]
+        excluded |= with_a_name(case, terms)
+    return [one for one in competing if one.term not in excluded]
 
 
 def _with_structure(
-    case: Case, picked: list[int], first: Search, smooth: list[Beside]
+    case: Case, picked: list[Competing], first: Search, smooth: list[Beside]
 ) -> tuple[Probabilities, list[Found], list[tuple[Term, float]], Fit]:
     """Let some terms, and smooth processes, compete with the causes: sets of these, best first.
 
@@ -443,9 +455,9 @@ def _with_structure(
     both, searched = c, first
     if picked:
         both = c.beside(
-            [d.variants(i) for i in picked],
+            [d.variants(*one) for one in picked],
             np.full(len(picked), d.level),
-            UNNAMED_TERM_PENALTY + by_rounding(case, picked),
+            UNNAMED_TERM_PENALTY + by_rounding(case, [one.term for one in picked]),
         )
         searched = search(both, plain.white, floor=case.floor, after=first)
         searched = by_probability(case, searched, tuple(picked))

@@ -27,6 +27,7 @@ from trunnion.diagnosis.effect import Values
 from trunnion.diagnosis.fit import Fit, variant_columns
 from trunnion.diagnosis.scorer import cost
 from trunnion.diagnosis.selection import WITHIN, Search
+from trunnion.diagnosis.terms import Competing
 from trunnion.diagnosis.whitening import identity
 
 Blocks: TypeAlias = tuple[int, ...]
@@ -38,7 +39,7 @@ REACH = 12.0  # above the best score, from which sets are as good as impossible
 MOST = 40  # sets of several causes that are tried
 
 
-def by_probability(case: Case, searched: Search, picked: tuple[int, ...] = ()) -> Search:
+def by_probability(case: Case, searched: Search, picked: tuple[Competing, ...] = ()) -> Search:
     """Score the sets of a search by the probability of readings in steps, where that says more.
 
     ``picked``: terms of structure that are candidates after the causes.
@@ -168,7 +169,7 @@ def _gains(s: Search) -> Floats:
 class _Columns:
     """Columns of sets of blocks as they are read, not white, beside what is always fitted."""
 
-    def __init__(self, case: Case, s: Search, picked: tuple[int, ...]) -> None:
+    def __init__(self, case: Case, s: Search, picked: tuple[Competing, ...]) -> None:
         self.case, self.c, self.picked = case, s.c, picked
         assert case.grid is not None
         self.step: Floats = case.grid.step[case.rows]
@@ -202,4 +203,4 @@ class _Columns:
         term = self.picked[j - len(self.case.effects)]
         white = self.case.whiten is identity
         of = self.case.dictionary if white else self.case.dictionary_as_read
-        return np.asarray(of.variants(term)[v])
+        return np.asarray(of.variants(*term)[v])

@@ -9,6 +9,8 @@ from trunnion.base.units import Floats, Integers
 JUMPS = 48  # places of the scan
 NEAR = 24  # places between two of the scan that are tried at a time
 ONE_BETWEEN = 2  # steps of the scan, of which each has one value between
+FINE = 384  # places at which a jump is sought beside causes
+AT_HAND = 1 << 21  # numbers of these at once
 FEW = 8  # of these, that compete with causes: each has its share of the odds
 
 
@@ -31,7 +33,13 @@ def best_near(
     distinct: Floats, place: float, gains: Callable[[Floats], Floats]
 ) -> tuple[float, float]:
     """Value between the neighbours of a place of the scan at which a jump gains most; the gain."""
-    low, high = _about(distinct, place)
+    return best_between(distinct, *_about(distinct, place), gains)
+
+
+def best_between(
+    distinct: Floats, low: int, high: int, gains: Callable[[Floats], Floats]
+) -> tuple[float, float]:
+    """The same of the values numbered from one to another."""
     while True:
         some = _spread(low, high, NEAR)
         gain = gains(distinct[some])
@@ -39,6 +47,11 @@ def best_near(
         if high - low <= NEAR:
             return float(distinct[some[best]]), float(gain[best])
         low, high = int(some[max(best - 1, 0)]), int(some[min(best + 1, len(some) - 1)])
+
+
+def fine_places(distinct: Floats, readings: int) -> Integers:
+    """Numbers of so many values that a jump of any place shows at one of them."""
+    return _spread(1, len(distinct) - 1, max(2 * JUMPS, min(FINE, AT_HAND // readings)))
 
 
 def _step(distinct: Floats) -> int:

@@ -36,6 +36,7 @@ from trunnion.diagnosis.selection import one_by_one
 from trunnion.diagnosis.steps import weights_of
 from trunnion.diagnosis.structure import placed, with_structure
 from trunnion.diagnosis.suspects import rested_on
+from trunnion.diagnosis.terms import with_a_name
 from trunnion.diagnosis.whitening import Whiten, sizes_of
 
 MAX_TERMS = 2  # of structure that is taken as a cause is: of more its own diagnosis is asked
@@ -89,9 +90,9 @@ class Left:
 def left_one_by_one(case: Case) -> Left | None:
     """Return what causes leave that are found one after the other; None: that may not do.
 
-    It does where all that they leave is stationary noise, but for one or two terms of structure,
-    and not next to nothing: no reading is far out, no cause rests on one, steps of readings do not
-    matter, and what the causes change is proportional to their sizes.
+    It does where all that they leave is stationary noise, but for one or two terms of structure
+    that no cause makes, and not next to nothing: no reading is far out, no cause rests on one,
+    steps of readings do not matter, and what the causes change is proportional to their sizes.
     """
     plain, n = case.plain, len(case.rows)
     sizes = sizes_of(case.whiten, n)
@@ -108,7 +109,7 @@ def left_one_by_one(case: Case) -> Left | None:
         white = white - own @ (own.T @ white)
     most = 0 if sizes is None else MAX_TERMS
     seen, white, basis = terms_one_by_one(d, white, basis, case.floor, most + 1)
-    if len(seen) > most:
+    if len(seen) > most or with_a_name(case, [number for number, _ in seen]):
         return None
     rss, dof = float(white @ white), n - basis.shape[1]
     if sizes is None:

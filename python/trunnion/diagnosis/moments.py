@@ -18,7 +18,7 @@ from trunnion.base.statistics import MANY_ROWS, Spanned, linear_fit, spanned
 from trunnion.base.units import Floats
 from trunnion.diagnosis.along import Along, Beside, of_ratios
 from trunnion.diagnosis.case import Case
-from trunnion.diagnosis.effect import Effect, Values
+from trunnion.diagnosis.effect import Effect, Parameter, Values
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.gains import gains_at
 
@@ -34,18 +34,11 @@ def moment_errors(case: Case, effect: Effect, f: Fit, variance: float) -> dict[s
     ``variance``: of a whitened reading. Of an effect with several nonlinear parameters each is
     looked at with the others held.
     """
-    own = case.columns_of(effect, f)
-    moved = np.any(f.jacobian[:, own] != 0, axis=0)
-    still = [
-        p for p, moves in zip(effect.parameters, moved, strict=True) if not (p.linear or moves)
-    ]
+    still = moments_of(case, effect, f)
     if not still:
         return {}
-    linear = [i for i, p in enumerate(effect.parameters) if p.linear]
     fitted = f.effects[effect.id]
-    of_effect = f.jacobian[:, own][:, linear] @ [fitted[effect.parameters[i].name] for i in linear]
-    y = case.white(f.residuals + of_effect)
-    basis, y = _beside(case, f, own, y)
+    basis, y = without_one(case, effect, f)
 
     def gains(name: str, trials: Floats) -> Floats:
         """Drop of RSS / variance by the effect with each of these values, (t,)."""
@@ -60,6 +53,23 @@ def moment_errors(case: Case, effect: Effect, f: Fit, variance: float) -> dict[s
         p.name: _spread(fitted[p.name], np.asarray(p.grid), partial(gains, p.name)) for p in still
     }
     return {name: std for name, std in found.items() if np.isfinite(std)}
+
+
+def moments_of(case: Case, effect: Effect, f: Fit) -> list[Parameter]:
+    """Return the nonlinear parameters of an effect of a fit with which nothing changes there."""
+    moved = np.any(f.jacobian[:, case.columns_of(effect, f)] != 0, axis=0)
+    return [p for p, moves in zip(effect.parameters, moved, strict=True) if not (p.linear or moves)]
+
+
+def without_one(case: Case, effect: Effect, f: Fit) -> tuple[Floats | Spanned, Floats]:
+    """Orthonormal basis of all columns of a fit but those of an effect, and what it leaves, (n,).
+
+    Of what the fit leaves and the effect makes.
+    """
+    own, fitted = case.columns_of(effect, f), f.effects[effect.id]
+    linear = [i for i, p in enumerate(effect.parameters) if p.linear]
+    made = f.jacobian[:, own][:, linear] @ [fitted[effect.parameters[i].name] for i in linear]
+    return _beside(case, f, own, case.white(f.residuals + made))
 
 
 def other_optima(case: Case, effect: Effect, f: Fit, variance: float) -> dict[str, float]:

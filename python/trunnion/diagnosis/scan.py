@@ -6,35 +6,32 @@ disturbance can enter the readings. A term is no cause. It says that something i
 goes with.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import NamedTuple, cast
+from functools import cached_property, partial
+from typing import cast
 
 import numpy as np
 from scipy import special
 
-from trunnion.base.statistics import MANY_ROWS
-from trunnion.base.units import Flags, Floats, Integers
+from trunnion.base.statistics import MANY_ROWS, Spanned
+from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.columns import ROUNDING, storage
 from trunnion.diagnosis.fit import Fit
-from trunnion.diagnosis.functions import DEPENDENT, Functions, Jumps, Made, Part, Places
+from trunnion.diagnosis.functions import DEPENDENT, Made, Part
+from trunnion.diagnosis.functions_of import at_few_places, functions_of
 from trunnion.diagnosis.gains import gains_beside
-from trunnion.diagnosis.jumps import best_near, near, places_of_jumps
-from trunnion.diagnosis.local_errors import BESIDE_PLACE, TIMES_WIDTH, local, places_of
+from trunnion.diagnosis.jumps import best_between, best_near, fine_places, near
+from trunnion.diagnosis.local_errors import BESIDE_PLACE, TIMES_WIDTH, local
 from trunnion.diagnosis.model import Covariate, Model
-from trunnion.diagnosis.quantities import MIN_DISTINCT, Said, at_an_instant, saying, straight
-from trunnion.diagnosis.smooth import over_range, polynomials
-from trunnion.diagnosis.waves import WAVES_BETWEEN, places_apart, waves, waves_of
+from trunnion.diagnosis.quantities import Said, at_an_instant, saying
+from trunnion.diagnosis.smooth import over_range
+from trunnion.diagnosis.waves import WAVES_BETWEEN, waves
 from trunnion.diagnosis.whitening import Scaling, Whiten, identity
 
 SCAN_LEVEL = 0.01
 UNNAMED_TERM_PENALTY = 10.0  # a term has to explain exp(5) times better than causes do
-MAX_CLASSES = 512
-HARMONICS = 6
-DEGREE = 4
-MAX_ALIKE = 2  # readings of a value on average: of more, functions are made once for each value
 
 
 @dataclass(frozen=True)
@@ -242,8 +239,8 @@ class Dictionary:
         for x in self.quantities or every:
             v = x.covariate
             has = None if v.known is None else v.known[self._rows[x.some]]
-            few = _at_few_places(x)
-            for functions, terms in _functions(x, has):
+            few = at_few_places(x)
+            for functions, terms in functions_of(x, has):
                 if not len(functions):
                     continue
                 ways = list(x.enter)[:1] if v.classes else list(x.enter)
@@ -331,8 +328,10 @@ class Dictionary:
         out[some] = own
         return out
 
-    def variants(self, term: int) -> Floats:
+    def variants(self, term: int, jumps: Sequence[float] = ()) -> Floats:
         """Columns of a term, shape (v, n, k); those between the terms of the scan, too.
+
+        ``jumps``: further places of a jump.
 
         What a wave leaves of one a quarter of a period longer over the range would be explained by
         causes that are not there, and so would what a local error or a jump leaves of one beside
@@ -348,7 +347,8 @@ class Dictionary:
         own = values[self._acting(along)]
         low, high = np.min(own), np.max(own)
         if of.kind == "jump":
-            return self._jumps(of, near(np.unique(own), float(str(of.number))))
+            about = near(np.unique(own), float(str(of.number)))
+            return self._jumps(of, np.unique([*about, *jumps]))
         if of.kind == "local":
             place, width = of.place_and_width
             places = place + np.tile(BESIDE_PLACE, len(TIMES_WIDTH)) * width
@@ -388,14 +388,39 @@ class Dictionary:
         of = self.term(term)
         if of.kind != "jump":
             return of, float(self.of_fit(f)[0][term])
+        place, gain = self.place_of_jump(term, f.white, f.basis)
+        return replace(of, number=place), gain
+
+    def place_of_jump(self, term: int, r: Floats, basis: Floats) -> tuple[float, float]:
+        """Place between its neighbours where a jump gains most, for residuals (n,); the gain."""
+        of = self.term(term)
         own = np.asarray(self._along(of).values, dtype=np.float64)[self._acting(self._along(of))]
 
-        place, gain = best_near(
+        return best_near(
             np.unique(own),
             float(str(of.number)),
-            lambda places: gains_beside(self._jumps(of, places), f.basis, f.white),
+            lambda places: gains_beside(self._jumps(of, places), basis, r),
         )
-        return replace(of, number=place), gain
+
+    def best_jumps(self, r: Floats, basis: Floats | Spanned) -> Iterator[tuple[int, float]]:
+        """Jump of each quantity in each component that gains most, for residuals (n,).
+
+        The term of the scan that is nearest, and the place of the jump.
+        """
+        for x in (x for x in self._said if x.kind == "jump"):
+            own = np.unique(np.asarray(x.covariate.values)[self._acting(x.covariate)])
+            scanned, some = np.asarray(x.numbers, dtype=np.float64), fine_places(own, len(r))
+            for way in range(len(x.ways)):
+                jumps = partial(self._jumps, x.term(way))
+
+                def gains(places: Floats, jumps: Callable[[Floats], Floats] = jumps) -> Floats:
+                    return gains_beside(jumps(places), basis, r)
+
+                best = int(np.argmax(gains(own[some])))
+                low, high = some[max(best - 1, 0)], some[min(best + 1, len(some) - 1)]
+                place, _ = best_between(own, int(low), int(high), gains)
+                near_it = int(np.argmin(np.abs(scanned - place)))
+                yield x.first + near_it * len(x.ways) + way, place
 
     def refined(self, gain: Floats, r: Floats, basis: Floats) -> Floats:
         """Gains (t, s) for residuals (n, s), that of the best local error at its best variant.
@@ -415,77 +440,3 @@ class Dictionary:
             most = np.max((left.T @ r[:, own]) ** 2 / square[:, None], axis=0)
             gain[term, own] = np.maximum(gain[term, own], most)
         return gain
-
-
-def _at_few_places(x: Said) -> Integers:
-    """Ways by which readings are disturbed at too few values to show a wave or a local error."""
-    if x.covariate.sequence or x.covariate.classes:
-        return np.zeros(0, dtype=np.intp)
-    counts = [places_apart(x.values[enters != 0.0]) for enters in x.enter.values()]
-    return np.flatnonzero(np.array(counts) < MIN_DISTINCT)
-
-
-class Some(NamedTuple):
-    """Terms of one kind, by their numbers (m,), and the functions of each."""
-
-    kind: str
-    numbers: Sequence[object]
-    width: int = 1
-
-
-def _functions(x: Said, has: Flags | None) -> Iterator[tuple[Functions | Jumps, Sequence[Some]]]:
-    """Functions of one covariate, and their terms; ``has``: readings that have it; None: all.
-
-    Of values that come again and again each is made once, but for jumps of many readings.
-    """
-    if x.covariate.classes:
-        labels, index, count = np.unique(x.values, return_inverse=True, return_counts=True)
-        if len(labels) > 1:
-            # those with the most readings, in their order
-            shown = np.sort(np.argsort(-count, kind="stable")[:MAX_CLASSES])
-            place = np.full(len(labels), -1)
-            place[shown] = np.arange(len(shown))
-            at = Places(place[index.reshape(-1)], len(shown))
-            own = Some("class", list(labels[shown]))
-            yield Functions(np.eye(len(shown)), at), [own]
-        return
-    few = MAX_ALIKE * len(x.distinct) < len(x.values)
-    at = Places(x.ranks if has is None else np.where(has, x.ranks, -1), len(x.distinct))
-    for f, terms in _functions_at(x.distinct if few else x.values, x):
-        if isinstance(f, Jumps):
-            yield f, terms
-            continue
-        f = f.reshape(-1, f.shape[-1])
-        if few:
-            yield Functions(f, at), terms
-        else:
-            yield Functions(f if has is None else f * has), terms
-
-
-def _functions_at(values: Floats, x: Said) -> Iterator[tuple[Floats | Jumps, Sequence[Some]]]:
-    """Functions of a covariate at some of its values (n,); jumps of many readings, of all."""
-    v, distinct = x.covariate, x.distinct
-    if v.period is not None and not x.said:
-        turn = 2 * np.pi * values / v.period
-        different = len(np.unique(np.round(np.mod(distinct, v.period), 9)))
-        orders = np.arange(1, min(HARMONICS, different - 1) + 1)
-        yield waves(orders, turn), [Some("harmonic", list(orders), 2)]
-    if straight(v, distinct) and not x.said:
-        legendre = polynomials(values, distinct, DEGREE).T
-        every = range(1, len(legendre) + 1)
-        yield legendre, [Some("polynomial", [k], k) for k in every]
-    if v.period is None and not x.said:
-        low, high = distinct[0], distinct[-1]
-        counts = waves_of(v, distinct)
-        made = waves(np.pi * counts, over_range(values, low, high))
-        yield made, [Some("wave", list((high - low) / counts), 2)]
-    if v.sequence:
-        places = places_of_jumps(distinct)
-        many = Jumps.at(x.values, places) if v.known is None else None
-        jumps = (values >= places[:, None]).astype(float) if many is None else many
-        yield jumps, [Some("jump", list(places))]
-    if len(x.values) < MANY_ROWS and len(distinct) > 1 and not x.said:
-        places, widths = places_of(distinct, v.period)
-        made = local(values, places[:, None], widths[:, None], v.period)
-        numbers = list(zip(places.tolist(), widths.tolist(), strict=True))
-        yield made, [Some("local", numbers)]

@@ -227,14 +227,13 @@ class Search:
             near.sort(key=lambda f: f.score)
             fresh: list[_State] = []
             for f in near[:EXCHANGED_SETS]:
-                fewer = [self._noted(x) for x in self._split(f) if self._untried(x, tried)]
+                last = reversed(range(len(f.blocks)))  # what they begin with stays built
+                without = (f.blocks[:leave] + f.blocks[leave + 1 :] for leave in last)
+                some = chain(self._split(f), without)
+                fewer = [self._noted(x) for x in some if self._untried(x, tried)]
                 for one in fewer:  # places of a set that were known may be better
                     best = self.known[one.mask]
                     self.scores[one.mask], self.made[one.mask] = best.score, best.blocks
-                for leave in reversed(range(len(f.blocks))):  # what they begin with stays built
-                    blocks = f.blocks[:leave] + f.blocks[leave + 1 :]
-                    if self._untried(blocks, tried):
-                        fewer.append(self.built(blocks))
                 fresh += reversed(fewer)
             if not fresh:
                 break

@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.columns import inners
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.functions import DEPENDENT
+from trunnion.diagnosis.moments import moments_of, without_one
 from trunnion.diagnosis.scan import UNNAMED_TERM_PENALTY, Term
 from trunnion.diagnosis.scorer import SCORE_DIGITS
 from trunnion.diagnosis.selection import WITHIN, Found
@@ -20,8 +22,16 @@ MAX_SENTENCES = 3
 MAX_SUMS = 64  # of causes of a set that are compared with terms, those of few first
 MIN_LEFT = 1e-14  # of a sum of squares: rounding
 SAME = 0.9  # correlation from which a cause makes what a term does
+WAY = 0.3  # singular value of unit columns, from which they make one more direction of a term
 SAME_SHARE = 1e-3  # of the variance of a term, that causes which make it may leave
 TINY = 1e-300
+
+
+class Competing(NamedTuple):
+    """A term that competes with causes; a jump also at places between those of the scan."""
+
+    term: int
+    places: tuple[float, ...] = ()
 
 
 def term_penalty(case: Case, f: Fit) -> Floats:
@@ -86,6 +96,33 @@ def standing_at_once(case: Case, best: Found) -> list[int]:
     value = worse(np.reshape(each, (len(some), sums.shape[1])), penalty[some])
     order = np.argsort(value, kind="stable")
     return _few_of_a_kind(case, d.count + some[order[value[order] < 2 * WITHIN]])
+
+
+def with_places(case: Case, terms: Sequence[int], fits: Sequence[Fit]) -> list[Competing]:
+    """Terms, and of jumps the places at which they gain most beside some fits.
+
+    A reading on the wrong side of a jump costs more than causes that are not there.
+    """
+    d, jumps = case.dictionary, set(case.dictionary.of_kind("jump").tolist())
+    return [
+        Competing(
+            i, tuple({d.place_of_jump(i, f.white, f.basis)[0] for f in fits} if i in jumps else ())
+        )
+        for i in terms
+    ]
+
+
+def jumps_instead(case: Case, f: Fit) -> list[Competing]:
+    """Jumps that may be there instead of a cause of a fit that begins at a moment.
+
+    In each component that which explains most.
+    """
+    out: list[Competing] = []
+    for effect in case.effects:
+        if effect.id in f.effects and moments_of(case, effect, f):
+            basis, left = without_one(case, effect, f)
+            out += [Competing(i, (place,)) for i, place in case.dictionary.best_jumps(left, basis)]
+    return out
 
 
 def _sums(case: Case, best: Found, parts: Sequence[Floats], least: int) -> tuple[Floats, Floats]:
@@ -221,6 +258,27 @@ def holding_causes(case: Case, terms: Sequence[int]) -> set[int]:
             made = c.gains(own).sum(axis=1)
             if np.any((made > SAME**2 * c.rank)[less]):
                 found.add(term)
+    return found
+
+
+def made_of_causes(case: Case, terms: Sequence[int]) -> set[int]:
+    """Terms that consist of causes: each makes a part of it, and together they make all.
+
+    A first harmonic of the angle of a circle, along X, is a scale of X and a squareness.
+    """
+    c, own = case.candidates, {term: _directions(case, term) for term in terms}
+    several = {term: ways for term, ways in own.items() if ways.shape[1] > 1}
+    if not several:
+        return set()
+    gains = c.gains(np.concatenate([*several.values()], axis=1))
+    ends = np.cumsum([ways.shape[1] for ways in several.values()])
+    found = set[int]()
+    for (term, ways), made in zip(several.items(), np.split(gains, ends[:-1], axis=1), strict=True):
+        inside = made.sum(axis=1) > (1.0 - SAME_SHARE) * c.rank
+        inside &= np.isfinite(c.penalty) & (c.rank < ways.shape[1])
+        parts = [c.columns(int(b)) @ ways for b in np.flatnonzero(inside)]
+        if parts and np.linalg.matrix_rank(np.concatenate(parts), tol=WAY) == ways.shape[1]:
+            found.add(term)
     return found
 
 

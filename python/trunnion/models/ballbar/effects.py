@@ -12,8 +12,16 @@ from itertools import permutations
 
 import numpy as np
 
-from trunnion.base.units import ARCSEC, Floats
-from trunnion.diagnosis.effect import Effect, Parameter, drift, gridded, linear, periodic
+from trunnion.base.units import ARCSEC, Floats, Integers
+from trunnion.diagnosis.effect import (
+    Effect,
+    Parameter,
+    drift,
+    from_then_on,
+    gridded,
+    linear,
+    periodic,
+)
 from trunnion.machine.effects import Motion, Owner
 from trunnion.machine.linear_axes import CURVATURE, LinearMotion, arc
 from trunnion.models.ballbar.path import AXES, Path
@@ -26,7 +34,7 @@ CATALOGUED = (
     "squareness_yz",
 )
 """Ids that are in the catalogue of the machine, too."""
-BAR_LENGTH = "ballbar_length"
+BAR_LENGTH, SHIFT = "ballbar_length", "setup_shift"
 OF_POSITIONING = (
     "a positioning error of the {0} axis that is bent by as much (E{0}{0}). A positioning run of "
     "{0} says which it is"
@@ -34,6 +42,7 @@ OF_POSITIONING = (
 """What circles in one plane show as an arc of the other guide: x² and y² add up to a constant."""
 MIN_PITCH_MM = 4.0
 DECAYS = 10
+MAX_MOMENTS = 48
 TIME_CONSTANTS = 12
 
 
@@ -88,6 +97,57 @@ def drifts(path: Path, bar: Bar) -> list[Effect]:
         )
         for a in path.moving
     ]
+
+
+def between_readings(when: Floats) -> Floats:
+    """Moments between readings, in order."""
+    moments = np.unique(when)
+    return np.asarray((moments[1:] + moments[:-1]) / 2)
+
+
+def setup_shift(
+    when: Floats, name: str, group: Integers, bar: Bar, axes: Sequence[int]
+) -> list[Effect]:
+    """Make the effect of a ball that slips in its cup, or with it, at a moment: its centre moves.
+
+    ``when``: times or row numbers, called ``name``; ``group``: number of the set-up; both (n,).
+    ``axes``: along which the bar shows it.
+    """
+    between = between_readings(when)
+    if len(between) < 2:
+        return []
+    grid = tuple(map(float, between[:: max(1, len(between) // MAX_MOMENTS)]))
+    shape = Slip(name, when, group, -bar.direction[:, list(axes)])
+    ends = float(np.min(when)), float(np.max(when))
+    return [
+        gridded(
+            SHIFT,
+            [*(f"d{AXES[a]}_um" for a in axes), Parameter(name, grid=grid, bounds=ends)],
+            shape.columns,
+            "slip of the ball on the table",
+            slopes=shape.slopes,
+            owner=Owner.PLACEMENT,
+        )
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class Slip:
+    """``enters`` (n, k) in all later readings of the set-up; the moment lies between readings."""
+
+    name: str
+    when: Floats
+    group: Integers
+    enters: Floats
+
+    def columns(self, values: Mapping[str, float]) -> Floats:
+        """Shape (n, k)."""
+        after = from_then_on(values[self.name], self.when, self.group)
+        return np.asarray(self.enters * after[:, None])
+
+    def slopes(self, _: Mapping[str, float]) -> Floats:
+        """No derivative by the moment, shape (n, 1)."""
+        return np.zeros((len(self.when), 1))
 
 
 def ballbar_length(count: int, looks_like: str = "") -> Effect:

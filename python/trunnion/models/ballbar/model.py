@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -30,7 +30,15 @@ from trunnion.hybrid.readings import (
 )
 from trunnion.machine.estimate import Estimate
 from trunnion.machine.linear_axes import LinearMotion, Travel
-from trunnion.models.ballbar.effects import BAR_LENGTH, Bar, ballbar_length, drifts
+from trunnion.models.ballbar.effects import (
+    BAR_LENGTH,
+    SHIFT,
+    Bar,
+    ballbar_length,
+    between_readings,
+    drifts,
+    setup_shift,
+)
 from trunnion.models.ballbar.machine import ThreeAxis, machine_of
 from trunnion.models.ballbar.path import AXES, Path
 from trunnion.models.ballbar.settings import BallbarSettings
@@ -148,10 +156,19 @@ class BallbarModel(Model):
     def _catalogue(self) -> list[Effect]:
         bar = Bar(self.bar, self._centres[self.index])
         out = self.machine.effects(self.path, bar) + drifts(self.path, bar)
+        out += setup_shift(*self._moments, self.index, bar, self.path.moving)
         if self.settings.calibrated:
             several = sum(effect.id.startswith("scale_") for effect in out) > 1
             out.append(ballbar_length(len(self._used), ALL_AXES if several else ""))
         return out
+
+    @cached_property
+    def _moments(self) -> tuple[Floats, str]:
+        """Times, or row numbers where there are none, (n,), and what the moment among them is."""
+        time = self._used.time_s
+        if time is None or np.ptp(time) <= 0:
+            return np.arange(len(self._used), dtype=np.float64), "row"
+        return np.asarray(time, dtype=np.float64), "t0_s"
 
     def instrument_size(self, effect: Effect) -> float | None:
         """Nominal length of the bar, if all circles have one: its error is that of one bar."""
@@ -248,12 +265,24 @@ class BallbarModel(Model):
             return np.concatenate([gains_beside(x, basis, residual) for x in columns])
 
         grid = np.sort(np.array(parameter.grid))
-        value = best_place(explained, grid.tolist())
-        bottom, top = parameter.bounds
-        near = [v for v in (value * 0.998, value, value * 1.002) if bottom < v < top]
-        sharp = replace(parameter, grid=tuple(map(float, np.sort([*grid, *near]))))
+        if effect.id == SHIFT:
+            near = self._moments_near(grid, explained)
+        else:
+            value = best_place(explained, grid.tolist())
+            bottom, top = parameter.bounds
+            near = [v for v in (value * 0.998, value, value * 1.002) if bottom < v < top]
+        sharp = replace(parameter, grid=tuple(map(float, np.unique([*grid, *near]))))
         parameters = tuple(sharp if p is parameter else p for p in effect.parameters)
         return replace(effect, parameters=parameters)
+
+    def _moments_near(self, grid: Floats, explained: Callable[[Floats], Floats]) -> list[float]:
+        """The moment between readings that explains most, and its neighbours."""
+        best = int(np.argmax(explained(grid)))
+        low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
+        every = between_readings(self._moments[0])
+        some = every[(every >= low) & (every <= high)]
+        at = int(np.argmax(explained(some)))
+        return [float(t) for t in some[max(at - 1, 0) : at + 2]]
 
     # --- what the engine looks for structure in
 

@@ -17,7 +17,16 @@ import numpy as np
 from trunnion.base.smooth import Modes
 from trunnion.base.units import ARCSEC, Floats
 from trunnion.data.points import Points
-from trunnion.diagnosis.effect import ALL_AXES, Effect, Parameter, drift, gridded, linear, periodic
+from trunnion.diagnosis.effect import (
+    ALL_AXES,
+    Effect,
+    Parameter,
+    drift,
+    from_then_on,
+    gridded,
+    linear,
+    periodic,
+)
 from trunnion.machine.effects import Owner
 from trunnion.machine.linear_axes import LinearMotion, Travel, angular, bow
 from trunnion.models.points.geometry import AXES, Places, groups_of, places_of
@@ -281,9 +290,7 @@ class ShiftShape:
 
     def columns(self, values: Mapping[str, float]) -> Floats:
         """Columns of the shift, shape (n d, d)."""
-        after = self.when >= values[self.name]
-        if after.any():
-            after &= self.group == self.group[after][np.argmin(self.when[after])]
+        after = from_then_on(values[self.name], self.when, self.group)
         return in_every_coordinate(after[:, None].astype(float), self.dimension)
 
     def slopes(self, _: Mapping[str, float]) -> Floats:

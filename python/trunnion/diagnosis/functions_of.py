@@ -1,0 +1,94 @@
+"""Functions of one covariate of which unexplained structure may consist, and their terms."""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from trunnion.base.statistics import MANY_ROWS
+from trunnion.base.units import Flags, Floats, Integers
+from trunnion.diagnosis.functions import Functions, Jumps, Places
+from trunnion.diagnosis.jumps import places_of_jumps
+from trunnion.diagnosis.local_errors import local, places_of
+from trunnion.diagnosis.quantities import MIN_DISTINCT, Said, straight
+from trunnion.diagnosis.smooth import over_range, polynomials
+from trunnion.diagnosis.waves import places_apart, waves, waves_of
+
+MAX_CLASSES = 512
+HARMONICS = 6
+DEGREE = 4
+MAX_ALIKE = 2  # readings of a value on average: of more, functions are made once for each value
+
+
+def at_few_places(x: Said) -> Integers:
+    """Ways by which readings are disturbed at too few values to show a wave or a local error."""
+    if x.covariate.sequence or x.covariate.classes:
+        return np.zeros(0, dtype=np.intp)
+    counts = [places_apart(x.values[enters != 0.0]) for enters in x.enter.values()]
+    return np.flatnonzero(np.array(counts) < MIN_DISTINCT)
+
+
+class Some(NamedTuple):
+    """Terms of one kind, by their numbers (m,), and the functions of each."""
+
+    kind: str
+    numbers: Sequence[object]
+    width: int = 1
+
+
+def functions_of(x: Said, has: Flags | None) -> Iterator[tuple[Functions | Jumps, Sequence[Some]]]:
+    """Functions of one covariate, and their terms; ``has``: readings that have it; None: all.
+
+    Of values that come again and again each is made once, but for jumps of many readings.
+    """
+    if x.covariate.classes:
+        labels, index, count = np.unique(x.values, return_inverse=True, return_counts=True)
+        if len(labels) > 1:
+            # those with the most readings, in their order
+            shown = np.sort(np.argsort(-count, kind="stable")[:MAX_CLASSES])
+            place = np.full(len(labels), -1)
+            place[shown] = np.arange(len(shown))
+            at = Places(place[index.reshape(-1)], len(shown))
+            own = Some("class", list(labels[shown]))
+            yield Functions(np.eye(len(shown)), at), [own]
+        return
+    few = MAX_ALIKE * len(x.distinct) < len(x.values)
+    at = Places(x.ranks if has is None else np.where(has, x.ranks, -1), len(x.distinct))
+    for f, terms in _functions_at(x.distinct if few else x.values, x):
+        if isinstance(f, Jumps):
+            yield f, terms
+            continue
+        f = f.reshape(-1, f.shape[-1])
+        if few:
+            yield Functions(f, at), terms
+        else:
+            yield Functions(f if has is None else f * has), terms
+
+
+def _functions_at(values: Floats, x: Said) -> Iterator[tuple[Floats | Jumps, Sequence[Some]]]:
+    """Functions of a covariate at some of its values (n,); jumps of many readings, of all."""
+    v, distinct = x.covariate, x.distinct
+    if v.period is not None and not x.said:
+        turn = 2 * np.pi * values / v.period
+        different = len(np.unique(np.round(np.mod(distinct, v.period), 9)))
+        orders = np.arange(1, min(HARMONICS, different - 1) + 1)
+        yield waves(orders, turn), [Some("harmonic", list(orders), 2)]
+    if straight(v, distinct) and not x.said:
+        legendre = polynomials(values, distinct, DEGREE).T
+        every = range(1, len(legendre) + 1)
+        yield legendre, [Some("polynomial", [k], k) for k in every]
+    if v.period is None and not x.said:
+        low, high = distinct[0], distinct[-1]
+        counts = waves_of(v, distinct)
+        made = waves(np.pi * counts, over_range(values, low, high))
+        yield made, [Some("wave", list((high - low) / counts), 2)]
+    if v.sequence:
+        places = places_of_jumps(distinct)
+        many = Jumps.at(x.values, places) if v.known is None else None
+        jumps = (values >= places[:, None]).astype(float) if many is None else many
+        yield jumps, [Some("jump", list(places))]
+    if len(x.values) < MANY_ROWS and len(distinct) > 1 and not x.said:
+        places, widths = places_of(distinct, v.period)
+        made = local(values, places[:, None], widths[:, None], v.period)
+        numbers = list(zip(places.tolist(), widths.tolist(), strict=True))
+        yield made, [Some("local", numbers)]
