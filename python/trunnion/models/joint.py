@@ -134,6 +134,9 @@ class JointModel(Model):
         self.alike: ScaleAlike = (
             instruments.scale_alike(self._acts, kinds) if before is None else before.alike
         )
+        for id_ in () if self.alike.axes else instruments.ids:
+            looks_like = self._acts[id_][0].effect.looks_like
+            made[id_] = replace(made[id_], looks_like=looks_like)
         if self.alike.axes:
             self._acts[self.alike.id] = self.alike.acts(self._acts)
             made[self.alike.id] = self._scale_alike([made[id_] for id_ in self.alike.scales])
