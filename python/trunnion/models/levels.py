@@ -250,11 +250,11 @@ def _covariates(rows: _Rows) -> tuple[Covariate, ...]:
     if data.turn_deg is not None:
         out.append(Covariate("turn of the instrument", rows.sense.astype(int), classes=True))
     back = len(data.stations[0]) < len(data)
-    order = rows.row.astype(float)
-    out.append(Covariate("order of measurement", order, sequence=True, comes_back=back))
     if data.time_s is not None:
         time = np.asarray(data.time_s)[rows.row]
         out.append(Covariate("time", time, "s", sequence=True, comes_back=back))
+    order = rows.row.astype(float)
+    out.append(Covariate("order of measurement", order, sequence=True, comes_back=back))
     return tuple(out)
 
 

@@ -248,12 +248,12 @@ def _covariates(data: Positioning) -> tuple[Covariate, ...]:
     sense = Covariate(
         "direction of approach", np.asarray(data.direction), classes=True, words=APPROACH
     )
+    out = [where, sense]
     row, back = np.arange(len(data)), len(np.unique(data.cycle)) > 1
-    order = Covariate("order of measurement", row, sequence=True, comes_back=back)
-    out = [where, sense, order]
     if data.time_s is not None:
         time = np.asarray(data.time_s)
         out.append(Covariate("time", time, "s", sequence=True, comes_back=back))
+    out.append(Covariate("order of measurement", row, sequence=True, comes_back=back))
     if data.temperature_c is not None:
         out.append(Covariate("temperature", np.asarray(data.temperature_c), "°C"))
     return tuple(out)
