@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scan import Dictionary
 from trunnion.diagnosis.scatter import Directions
 from trunnion.diagnosis.steps import grid_of, weights_of, white_beside, white_rounding
-from trunnion.diagnosis.whitening import Scaled, Scaling, Whiten, identity
+from trunnion.diagnosis.whitening import Scaled, Scaling, Whiten, identity, sizes_of
 from trunnion.files.table import Table
 from trunnion.models.agreement import warm_alike
 from trunnion.models.changes import done_otherwise
@@ -29,6 +30,7 @@ from trunnion.models.parts import Part
 from trunnion.models.positioning import not_shared, supposed_alike
 
 MIN_NOISE = 1e-9  # of a white reading: exact data
+FAR_OUT = 1e6  # noise of an outlier beside that of the others: it says nothing
 
 
 @dataclass(frozen=True)
@@ -73,16 +75,26 @@ class Measured:
 
     @property
     def rows(self) -> Integers:
-        """Data rows of a table that are used, in order."""
-        every = np.arange(self.size) if self.distinct is None else self.distinct
-        return np.setdiff1d(every, self.alone.outliers).astype(np.intp)
+        """Data rows of a table that `used` is a model of, in order."""
+        return self._bound[0]
 
     @property
     def used(self) -> Model:
-        """The model of these rows."""
+        """The model of these rows: without outliers."""
+        return self._bound[1]
+
+    @cached_property
+    def _bound(self) -> tuple[Integers, Model]:
+        every = np.arange(self.size) if self.distinct is None else self.distinct
         if not isinstance(self.data, Table) or not self.alone.outliers:
-            return self.model
-        return self.model.bind(self.data[self.rows])
+            return every, self.model
+        rows = np.setdiff1d(every, self.alone.outliers).astype(np.intp)
+        model = self.model.bind(self.data[rows])
+        if np.all(np.isin(rows[model.readings.rows], self.alone.rows)):
+            return rows, model
+        # of fewer rows a model may use some that it leaves out of all: where an axis just turns
+        rows = np.intersect1d(rows, self.alone.rows).astype(np.intp)
+        return rows, self.model.bind(self.data[rows])
 
     def part(self, name: str, start: int, model: Model, assumed: float = 0.0) -> Part:
         """Return this as one of several.
@@ -91,7 +103,7 @@ class Measured:
         """
         rows = np.asarray(model.readings.rows)
         rows = self.rows[rows] if isinstance(self.data, Table) else rows
-        whiten, grid, share = self._noise(model, assumed)
+        whiten, grid, share = self._noise(model, rows, assumed)
         known = self.alone.linearised
         if known is not None and not (known.model is model and known.whiten is whiten.whiten):
             known = None
@@ -113,17 +125,25 @@ class Measured:
             columns,
         )
 
-    def _noise(self, model: Model, assumed: float) -> tuple[Scaled, Grid | None, float]:
+    def _noise(
+        self, model: Model, rows: Integers, assumed: float
+    ) -> tuple[Scaled, Grid | None, float]:
         """Return what makes the noise of the used readings white, of size 1, and their steps.
 
         And the share of it in what is left of it alone, which is less than 1 where that has what no
         cause makes: it would make causes of other measurements weigh more.
+
+        ``rows``: data row of each reading of the model, which may leave out more than outliers.
         """
         found = self.alone
-        kept = ~np.isin(found.rows, self.alone.outliers)
-        before, after, n = found.before[kept], found.after[kept], int(np.sum(kept))
+        kept = np.isin(found.rows, rows)
+        outliers = np.isin(rows, found.outliers)  # of a model that is not bound to fewer rows
+        before, after = (
+            np.where(outliers, 0.0, left[kept]) for left in (found.before, found.after)
+        )
+        n = len(rows)
         parameters = found.parameters + len(model.nuisance)
-        dof = max(n - parameters, 1)
+        dof = max(n - int(outliers.sum()) - parameters, 1)
         jacobian = model.jacobian(model.start, {})
         grid = found.grid
         if found.whiten is None or model is not self.model:
@@ -147,6 +167,8 @@ class Measured:
         if directions is not None and (grid is None or not grid.matters(quiet)):
             free = np.full(n, max(1.0 - parameters / n, 0.0))
             whiten = directions.of_residuals(after, free, np.arange(n)) or identity
+        sizes = sizes_of(whiten, n) if outliers.any() else None
+        whiten = whiten if sizes is None else Scaling(np.where(outliers, FAR_OUT, 1.0) * sizes)
         variance = float(np.sum(np.asarray(whiten(after)) ** 2)) / dof
         least = np.asarray(whiten(np.broadcast_to(model.readings.least, n).astype(float)))
         rounding = 0.0 if grid is None else white_rounding(grid, whiten)
