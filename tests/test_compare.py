@@ -167,6 +167,29 @@ def test_other_targets_are_said() -> None:
     assert not found.changed
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_runs_without_a_common_target_are_compared_by_causes(seed: int) -> None:
+    one, two = stops(seed, 3.0), stops(seed + 3, 7.0)
+    moved = two.with_columns(target_mm=two.target + 7.0, measured_mm=two.measured + 7.0)
+    found = tn.compare(one, moved)
+    (said,) = (note for note in found.notes if "no place in common" in note)
+    ends = [f"{value:g}" for value in (one.target.min(), one.target.max())]
+    assert f"of 7 from {ends[0]} to {ends[1]} and 7 from" in said
+    assert found.changed == {"reversal.b_um"}
+    assert found.changes["reversal.b_um"][0] == pytest.approx(4.0, abs=0.8)
+    assert not set(found.changes) & {"accuracy_um", "mean_reversal_um"}
+
+
+def test_lines_of_a_level_without_a_common_place_are_compared_by_causes() -> None:
+    rng = np.random.default_rng(1)
+    slopes = 20.0 + 0.5 * rng.standard_normal(20)
+    one = tn.Levels(position_mm=50.0 * np.arange(20), along_um_m=slopes)
+    moved = one.with_columns(position_mm=np.asarray(one.position_mm) + 30.0)
+    found = tn.compare(one, moved)
+    assert any("no place in common" in note for note in found.notes)
+    assert not found.changed
+
+
 def test_the_command_compares(tmp_path: Path) -> None:
     paths = [tmp_path / "before.csv", tmp_path / "after.csv"]
     for i, path in enumerate(paths):

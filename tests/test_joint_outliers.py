@@ -1,4 +1,4 @@
-"""Several measurements, one of which has outliers: the others of its readings are used, no other."""
+"""Several measurements, one of which has outliers: of it the other readings are used."""
 
 from __future__ import annotations
 

@@ -287,13 +287,15 @@ class Positioning(Table):
         return self.stops
 
     def results(self, others: Sequence["Positioning"] = ()) -> tuple[Iso2302 | Iso2302Rotary, ...]:
-        """Return the results of ISO 230-2, or nothing where stops are too few for it.
+        """Return the results of ISO 230-2, or nothing where stops or targets are too few for it.
 
         others: Measurements whose targets count: results are of those that all have.
         """
         nominal, index = self.stops
         shared = [np.isin(nominal, one.stops[0])[index] for one in (self, *others)]
         common: Flags = np.all(shared, axis=0)
+        if not np.any(common):
+            return ()
         try:
             return (self[common].iso230_2(),)
         except DataError:

@@ -100,7 +100,8 @@ def compare(
     before, after, *more
         Measurements of one kind, their diagnoses, estimates (identifications), or results with
         standard errors (``.iso230_2()``, ``.straightness()``), in order of time. Changes are from
-        the first to the last; of three or more, trends too.
+        the first to the last; of three or more, trends too. Figures of a standard are of the places
+        that all measurements have; without one, causes and errors are compared only.
     setup
         The set-up of measured data, where the kind needs one.
     dates
@@ -220,7 +221,12 @@ def _of_standard(data: Sequence[Any], notes: list[str]) -> list[dict[str, _Value
     if not all(hasattr(d, "results") for d in data):
         return [{} for _ in data]
     places = [d.stations[0] for d in data]
-    if any(not np.array_equal(p, places[0]) for p in places[1:]):
+    if not set.intersection(*({tuple(np.atleast_1d(x).tolist()) for x in p} for p in places)):
+        notes.append(
+            f"The measurements have no place in common, of {' and '.join(map(_of_places, places))}: "
+            "figures of a standard that are of the same places are not compared; causes are."
+        )
+    elif any(not np.array_equal(p, places[0]) for p in places[1:]):
         notes.append(
             f"The measurements have other places ({', '.join(str(len(p)) for p in places)}): "
             "what depends on the stretch is compared over the places that all of them have."
@@ -228,6 +234,13 @@ def _of_standard(data: Sequence[Any], notes: list[str]) -> list[dict[str, _Value
     return [
         {k: v for result in d.results(data) for k, v in _of_result(result).items()} for d in data
     ]
+
+
+def _of_places(places: Floats) -> str:
+    """Count and ends of places along a line; of a grid the count."""
+    if places.ndim > 1 and places.shape[1] > 1:
+        return f"{len(places)}"
+    return f"{len(places)} from {float(places.min()):g} to {float(places.max()):g}"
 
 
 def _of_result(result: Any) -> dict[str, _Value]:
