@@ -222,8 +222,9 @@ def _of_standard(data: Sequence[Any], notes: list[str]) -> list[dict[str, _Value
         return [{} for _ in data]
     places = [d.stations[0] for d in data]
     if not set.intersection(*({tuple(np.atleast_1d(x).tolist()) for x in p} for p in places)):
+        counts = " and ".join(map(_of_places, places))
         notes.append(
-            f"The measurements have no place in common, of {' and '.join(map(_of_places, places))}: "
+            f"The measurements have no place in common, of {counts}: "
             "figures of a standard that are of the same places are not compared; causes are."
         )
     elif any(not np.array_equal(p, places[0]) for p in places[1:]):
