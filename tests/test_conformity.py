@@ -4,12 +4,13 @@ With both limits in reach the probability that a value conforms has both tails: 
 of them would pass what conforms with 90 % only.
 """
 
-from math import erf, inf, sqrt
+from math import erf, inf, nan, sqrt
 
 import numpy as np
 import pytest
 
 from trunnion.base.conformity import Conformity, Decision, decide
+from trunnion.base.errors import InputError
 
 
 def conforming(value: float, std: float, lower: float, upper: float) -> float:
@@ -36,6 +37,21 @@ def test_what_passes_conforms_with_that_probability_and_what_fails_does_not(
             assert 1 - inside >= probability
         seen.add(found)
     assert seen == {*Decision}
+
+
+@pytest.mark.parametrize("std", [nan, -1.0, -inf])
+def test_an_uncertainty_that_is_none_decides_nothing(std: float) -> None:
+    said = f"standard uncertainty: got {std:g}, expected 0 or above"
+    with pytest.raises(InputError, match=f"^EX0C: {said}"):
+        Conformity.of({"EX0C": 1.0}, {"EX0C": std}, {"EX0C": 5.0})
+    with pytest.raises(InputError, match=f"^{said}"):
+        decide(1.0, std, upper=5.0)
+
+
+@pytest.mark.parametrize("value", [nan, inf])
+def test_a_value_that_is_none_is_not_judged(value: float) -> None:
+    with pytest.raises(InputError, match=f"EX0C: value: got {value:g}, expected a finite number"):
+        Conformity.of({"EX0C": value}, {"EX0C": 1.0}, {"EX0C": 5.0})
 
 
 def test_one_limit_alone_has_the_factor_of_one_tail() -> None:

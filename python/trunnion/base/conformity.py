@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from math import inf, isfinite
 
 from scipy.special import ndtr, ndtri
 
@@ -73,7 +74,10 @@ def decide(
     """Decide by ISO 14253-1 of a value with standard uncertainty and its limits.
 
     An uncertainty that is not known (inf) proves nothing.
+
+    Raises InputError: an uncertainty that is negative or no number, or no value that has one.
     """
+    _check(value, std)
     guard = guard_band(std, upper - lower, probability)
     if lower + guard <= value <= upper - guard:
         return Decision.PASS
@@ -82,6 +86,16 @@ def decide(
     if value >= upper + beyond or value <= lower - beyond:
         return Decision.FAIL
     return Decision.UNDECIDED
+
+
+def _check(value: float, std: float, where: str = "") -> None:
+    """Refuse what no decision rests on: comparisons with it would decide."""
+    if not std >= 0:
+        raise InputError(
+            f"{where}standard uncertainty: got {std:g}, expected 0 or above (inf: not known)"
+        )
+    if not isfinite(value) and std < inf:
+        raise InputError(f"{where}value: got {value:g}, expected a finite number")
 
 
 @dataclass(frozen=True)
@@ -146,7 +160,8 @@ class Conformity(Result):
     ) -> Conformity:
         """Of sizes (without sign) by name; ``more``: standard uncertainty beside the given one.
 
-        Raises InputError: no tolerance, one that is not above 0, or of an unknown quantity.
+        Raises InputError: no tolerance, one that is not above 0, or of an unknown quantity; an
+            uncertainty that is negative or no number, or no value that has one.
         """
         if not tolerances:
             raise InputError(f"tolerance: got none, expected one of {', '.join(values)}")
@@ -157,6 +172,7 @@ class Conformity(Result):
             choose("quantity", name, values)
             if not tolerance > 0:
                 raise InputError(f"{name}: got {tolerance:g}, expected a tolerance above 0")
+            _check(values[name], std_errors[name], f"{name}: ")
             size, std = abs(values[name]), float((std_errors[name] ** 2 + more**2) ** 0.5)
             guard = guard_band(std, 2 * tolerance, probability)
             decision = decide(size, std, upper=tolerance, lower=-tolerance, probability=probability)
