@@ -195,6 +195,19 @@ def test_conformity_is_decided_by_iso_14253_1() -> None:
     assert near.conformity.decision == "undecided"
 
 
+def test_a_tolerance_of_an_unknown_name_is_refused_with_the_known_ones() -> None:
+    setup = tn.read_setup(tn.sample_path("cross/setup.toml"))
+    fit = tn.identify(tn.read_touches(tn.sample_path("cross/touches.csv")), setup)
+    said = "tolerance: got 'EXOC', expected one of EA0A, .*; did you mean EX0C?"
+    with pytest.raises(tn.UnknownNameError, match=said):
+        fit.budget(tolerances={"EXOC": 5.0})
+    with pytest.raises(tn.UnknownNameError, match="got 'EY0C', expected one of EX0C"):
+        fit.budget(["EX0C"], tolerances={"EY0C": 5.0})
+    made = replace(fit.budget(), tolerances={"EXOC": 5.0})
+    with pytest.raises(tn.UnknownNameError, match="quantity: got 'EXOC', expected one of EA0A"):
+        _ = made.conformity
+
+
 def test_the_doubt_between_causes_is_a_source() -> None:
     d = with_outliers()
     budget = d.budget()

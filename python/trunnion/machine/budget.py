@@ -259,9 +259,8 @@ class Budget(Result):
         """The tolerances by ISO 14253-1; None where there is none."""
         if not self.tolerances:
             return None
-        known = [m for m in self.measurands if m.name in self.tolerances]
-        values = {m.name: m.value for m in known}
-        return Conformity.of(values, {m.name: m.std for m in known}, self.tolerances)
+        values = {m.name: m.value for m in self.measurands}
+        return Conformity.of(values, {m.name: m.std for m in self.measurands}, self.tolerances)
 
     def derived(self) -> Mapping[str, Any]:
         """Expanded uncertainties."""

@@ -261,7 +261,7 @@ class Estimate(Result):
         Raises
         ------
         UnknownNameError
-            A name that is no parameter with a standard error.
+            A name that is no parameter with a standard error, or a tolerance of none of these.
         InputError
             Fewer than 100 draws.
         """
@@ -270,6 +270,8 @@ class Estimate(Result):
         wanted = listed if names is None else list(names)
         for name in wanted:
             choose("parameter", name, known)
+        for name in tolerances or {}:
+            choose("tolerance", name, wanted)
         order, sources = self._order(), self.uncertainty_sources()
         made = [
             measurand(
