@@ -233,25 +233,58 @@ def test_the_code_does_what_the_effect_does(shape: str, from_start: bool, tmp_pa
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ('shape = "spiral"', "2:1: shape: got 'spiral', expected one of harmonic,"),
-        ("number = -3.0", "2:1: number: got -3, expected the period, above 0"),
+        ('shape = "spiral"', "7:9: shape: got 'spiral', expected one of harmonic,"),
+        ("number = -3.0", "7:10: number: got -3, expected the period, a finite number above 0"),
+        ("number = inf", "7:10: number: got inf, expected the period, a finite number above 0"),
         ('number = "long"', "7:10: got 'long', expected a number"),
-        ("colour = 1", "7:1: got key 'colour', expected one of id,"),
-        ('owner = "nobody"', "7:9: got 'nobody', expected one of machine,"),
+        ("low = 2", "8:7: low, high: got 2, 1, expected low below high"),
+        ("high = -2", "8:8: low, high: got 0, -2, expected low below high"),
+        ("width = 0", "8:9: width: got 0, expected a width above 0"),
+        ('id = "my wave"', "7:6: id: got 'my wave', expected letters, digits and underscores"),
+        ('id = "EX0C"', "7:6: id: got 'EX0C', the name of an error or of a placement, expected"),
+        ("colour = 1", "8:1: got key 'colour', expected one of id,"),
+        ('owner = "nobody"', "8:9: got 'nobody', expected one of machine,"),
     ],
 )
 def test_a_wrong_file_is_refused_at_its_place(line: str, said: str, tmp_path: Path) -> None:
     path = tmp_path / "effects.toml"
     base = {"id": '"w"', "data": '"Touches"', "covariate": '"Y place"', "shape": '"wave"'}
-    rows = [f"{k} = {v}" for k, v in base.items() if not line.startswith(k)]
+    rows = [f"{k} = {v}" for k, v in base.items() if not line.startswith(f"{k} =")]
     numbered = [] if line.startswith("number") else ["number = 30.0"]
     path.write_text("\n".join(["# mine", "[[effect]]", *rows, *numbered, line]), encoding="utf-8")
     with pytest.raises(tn.FileFormatError, match=r"effects\.toml") as error:
         tn.read_effects(path)
-    place, _, rest = said.partition(": ")
-    assert rest in str(error.value)
-    if place.startswith("2"):
-        assert f":{place}:" in str(error.value)
+    assert f"effects.toml:{said}" in str(error.value)
+
+
+@pytest.mark.parametrize("unit", ["mm", "arcsec", ""])
+def test_a_change_in_another_unit_than_the_readings_is_refused(unit: str) -> None:
+    """It was a number in µm that was called otherwise."""
+    effect, (data, setup) = replace(example("wave"), reading_unit=unit), cross_of(5)
+    said = f"'my_wave': reading_unit: got '{unit}', expected 'µm', the unit of the readings"
+    with pytest.raises(tn.InputError, match=said):
+        tn.diagnose(data, setup, effects=[effect])
+    with pytest.raises(tn.InputError, match=said):
+        effect.change(data, {"a_mm": 1.0, "b_mm": 0.0, "period_mm": 31.0})
+
+
+@pytest.mark.parametrize("period", [0.06, 0.7])
+def test_a_period_that_the_places_do_not_show_is_refused(period: float) -> None:
+    """Places are rounded to 0.5 mm: any wave below 1 mm looks like a longer one."""
+    effect, (data, setup) = replace(example("wave"), number=period, shortest=0.0), cross_of(5)
+    said = f"'my_wave': number: got a period sought up to {1.25 * period:.4g} mm along Y place, exp"
+    with pytest.raises(tn.InputError, match=said + "ected 1 mm at least: its values are 0.5 mm"):
+        tn.diagnose(data, setup, effects=[effect])
+    effect.at_values({"period_mm": period})[0].change(data, {"a_um": 1.0, "b_um": 0.0})
+
+
+@pytest.mark.parametrize("period", [1e-9, 0.01])
+def test_a_period_is_sought_of_so_many_waves_at_most(period: float) -> None:
+    """Each is tried: time grows as 1/period."""
+    effect = example("wave")
+    said = f"number: got {period:g}, expected a period of at least 0.05: 2000 waves from low to"
+    with pytest.raises(tn.InputError, match=said):
+        replace(effect, low=-50.0, high=50.0, number=period)
 
 
 def test_an_effect_of_other_data_is_refused_or_left_out(tmp_path: Path) -> None:

@@ -89,6 +89,18 @@ def test_a_unit_that_the_quantity_does_not_have_is_refused() -> None:
         tn.diagnose(data, setup, effects=[order])
 
 
+@pytest.mark.parametrize("name", ["EX0C", "EAOA", "EXX", "dx_um", "rc_arcsec"])
+def test_the_name_of_an_error_is_none_of_an_effect(name: str) -> None:
+    data, setup = measured(2)
+    sun = Sun()
+    sun.id = name
+    said = f"id: got '{name}', the name of an error or of a placement, expected one of its own"
+    with pytest.raises(tn.InputError, match=said):
+        tn.diagnose(data, setup, effects=[sun])
+    with pytest.raises(tn.InputError, match=said):
+        replace(CYCLE, id=name)
+
+
 def test_it_acts_in_those_of_several_measurements_that_it_is_for() -> None:
     data, setup = measured(4)
     circle = tn.read_ballbar(tn.sample_path("ballbar/circle.csv"))

@@ -166,8 +166,9 @@ def _effect(text: TomlText, i: int, table: Any) -> FormulaEffect:
         raise text.error(("effect", i), f"got no {', '.join(missing)}, expected it", at_value=False)
     try:
         return FormulaEffect(**values)
-    except InputError as error:
-        raise text.error(("effect", i), str(error), at_value=False) from error
+    except InputError as error:  # "number: got ...", "low, high: got ..."
+        keys = [k for k in str(error).partition(":")[0].split(", ") if k in table]
+        raise text.error(("effect", i, *keys[:1]), str(error), at_value=bool(keys)) from error
 
 
 @checked

@@ -18,6 +18,12 @@ from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats, suffix_of
 from trunnion.diagnosis.effect import Effect, NamedValues, Parameter, gridded, linear, periodic
+from trunnion.diagnosis.formula_checks import (
+    check_id,
+    check_period,
+    check_reading_unit,
+    check_waves,
+)
 from trunnion.diagnosis.local_errors import BESIDE_PLACE, TIMES_WIDTH, beside, local
 from trunnion.diagnosis.scan import Term, ordinal
 from trunnion.diagnosis.smooth import over_range
@@ -66,7 +72,9 @@ class FormulaEffect:
     data
         Class of the data whose readings it changes: "Touches".
     covariate, unit
-        The quantity s that it depends on, as `Diagnosis.unexplained` calls it.
+        The quantity s that it depends on, as `Diagnosis.unexplained` calls it. "Y place" of touches
+        is the column `y_mm`, the ball's centre at contact, rounded to 0.5 mm: what a plan may have
+        asked for.
     component
         Direction in which it enters the readings ("X"); empty: all alike.
     shape
@@ -84,7 +92,7 @@ class FormulaEffect:
     turn
         Length of a turn of s ("harmonic", and "local" if not 0).
     reading_unit
-        Of the change.
+        Of the change: that of the readings.
     owner
         What it belongs to ("time" where it depends on time or order).
     searched
@@ -130,10 +138,7 @@ class FormulaEffect:
 
     def __post_init__(self) -> None:
         """Refuse a formula that is none."""
-        if not self.id.isidentifier():
-            raise InputError(
-                f"id: got {self.id!r}, expected letters, digits and underscores, no digit first"
-            )
+        check_id(self.id)
         if self.shape not in SHAPES:
             raise InputError(f"shape: got {self.shape!r}, expected one of {', '.join(SHAPES)}")
         whole = {"harmonic": 360, "polynomial": len(LEGENDRE)}.get(self.shape)
@@ -141,11 +146,14 @@ class FormulaEffect:
             expected = f"a whole number from 1 to {whole} for a {self.shape}"
             raise InputError(f"number: got {self.number:g}, expected {expected}")
         if self.shape in ("wave", "alternating") and not 0 < self.number < np.inf:
-            raise InputError(f"number: got {self.number:g}, expected the period, above 0")
+            expected = "the period, a finite number above 0"
+            raise InputError(f"number: got {self.number:g}, expected {expected}")
         if not 0 <= self.shortest < np.inf:
             raise InputError(f"shortest: got {self.shortest:g}, expected a period, or 0 for none")
         if not (np.isfinite(self.number) and -np.inf < self.low < self.high < np.inf):
             raise InputError(f"low, high: got {self.low:g}, {self.high:g}, expected low below high")
+        if self.shape == "wave" and self.searched:
+            check_waves(self.number, self.low, self.high)
         if not 0 < self.turn < np.inf and not (self.shape == "local" and self.turn == 0):
             raise InputError(f"turn: got {self.turn:g}, expected a length above 0")
         if not 0 < self.width < np.inf:
@@ -292,13 +300,16 @@ class FormulaEffect:
         tried = tuple(dict.fromkeys(max(p, low) for p in grid))
         return Parameter(self._in_its_unit("period"), self.unit, tried, (low, high))
 
-    def bound(self, data: Any, described: Described | None = None) -> Effect:
-        """Return it bound to data; ``described``: their model, if there is one.
+    def bound(
+        self, data: Any, described: Described | None = None, *, sought: bool = False
+    ) -> Effect:
+        """Return it bound to data; ``described``: their model; ``sought``: as a candidate.
 
         Raises
         ------
         InputError
-            Data of another class, without the quantity, or with it in another unit.
+            Data of another class, without the quantity, or with it in another unit; readings in
+            another unit; a wave of a period that is sought and shorter than two steps of s.
         """
         if type(data).__name__ != self.data:
             got = type(data).__name__
@@ -319,6 +330,10 @@ class FormulaEffect:
                 f"effect {self.id!r}: unit: got {self.unit!r}, expected {expected} {self.covariate}"
             )
         s, weight = np.asarray(place.values), self.weights(described)
+        check_reading_unit(self.id, self.reading_unit, described, weight != 0)
+        if sought and self.shape == "wave" and self.searched:
+            longest = max(self.number * PERIODS[1], self.shortest)
+            check_period(self.id, longest, self.covariate, place.unit, s[weight != 0])
         more: dict[str, Any] = {"label": self.label, "owner": self.owner}
         if self.shape == "local" and self.searched:
             named = tuple(p if isinstance(p, str) else p.name for p in self.parameters)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.diagnosis.effect import Effect, EffectLike, NamedValues, parameters_of
+from trunnion.diagnosis.formula_checks import check_own_name
 from trunnion.machine.effects import Owner, own_call, own_numbers, refuse_class
 from trunnion.setup.names import effect_ids
 
@@ -20,8 +21,8 @@ T = TypeVar("T")
 class Binding(Protocol):
     """A user's effect that binds itself to data."""
 
-    def bound(self, data: Any, described: Any = None) -> Effect:
-        """Return it bound to data; ``described``: their model, if there is one."""
+    def bound(self, data: Any, described: Any = None, *, sought: bool = False) -> Effect:
+        """Return it bound to data; ``described``: their model; ``sought``: as a candidate."""
         ...
 
 
@@ -59,7 +60,7 @@ def as_effect(thing: EffectLike | Effect, data: Any, described: Any = None) -> E
         return thing
     refuse_class(thing)
     if isinstance(thing, Binding):
-        return thing.bound(data, described)
+        return thing.bound(data, described, sought=True)
     missing = [n for n in ("id", "parameters", "change") if not hasattr(thing, n)]
     if missing:
         raise InputError(
@@ -121,7 +122,7 @@ def with_own(
     Raises
     ------
     InputError
-        No sequence, or an id that is taken.
+        No sequence, or an id that is taken: by an effect, an error or a placement.
     UnknownNameError
         An id or code that is not known.
     """
@@ -140,6 +141,7 @@ def with_own(
                 )
             continue
         made = as_effect(thing, data, described)
+        check_own_name(made.id)
         if made.id in ids:
             raise InputError(f"effect: got {made.id!r} twice, expected a name of its own")
         ids.append(made.id)

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -439,6 +439,7 @@ class TouchDescription:
     """What touches depend on, as far as it does not take a set-up to say so."""
 
     data: Touches
+    reading_unit: ClassVar[str] = "µm"
 
     @property
     def covariates(self) -> tuple[Covariate, ...]:
