@@ -32,7 +32,7 @@ def check_own_name(name: str) -> None:
 
 
 def check_reading_unit(name: str, unit: str, described: Any, acting: Flags) -> None:
-    """Refuse a change in another unit than that of the readings that it acts in: no number is made.
+    """Refuse a change in another unit than that of the readings in which it acts.
 
     described: A model, or what describes data without one and states their unit.
     """
@@ -57,7 +57,7 @@ def check_waves(period: float, low: float, high: float) -> None:
 
 
 def check_period(name: str, longest: float, quantity: str, unit: str, s: Floats) -> None:
-    """Refuse a wave whose period is sought where no values of its quantity tell it from others.
+    """Refuse a wave whose period is sought and shorter than two steps of its quantity.
 
     longest: Period that is sought. s: Values of the quantity where the wave acts.
     """
