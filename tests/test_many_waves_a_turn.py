@@ -1,4 +1,4 @@
-"""An error of more waves a turn than causes have: on a grid of positions it is seen all the same."""
+"""An error of more waves a turn than causes have is seen where positions are on a grid."""
 
 import numpy as np
 import pytest

@@ -30,15 +30,16 @@ def line(change: np.ndarray, rng: np.random.Generator) -> tn.Levels:
 
 
 def numbers(d: Dictionary, kind: str) -> list[int]:
-    """Terms of a kind in all components at once, along the order of measurement."""
+    """Terms of a kind in all components at once, of time."""
     every = range(d.count, d.count + len(d.at_once))
     return [i for i in every if d.term(i).kind == kind]
 
 
 def test_a_term_at_once_has_a_size_of_its_own_in_each_component() -> None:
-    model = LevelsModel(line(np.zeros((ROWS, 2)), np.random.default_rng(1)))
+    data = line(np.zeros((ROWS, 2)), np.random.default_rng(1))
+    model, at = LevelsModel(data), np.asarray(data.time_s)[12]
     d = Dictionary(model, np.arange(2 * ROWS))
-    number = next(i for i in numbers(d, "jump") if d.term(i).number == 12.0)
+    number = next(i for i in numbers(d, "jump") if d.term(i).number == at)
     step = (np.arange(ROWS) >= 12).astype(float)
     knocked = np.outer(step, [3.0, -0.4]).ravel()
     columns = d.block(number)

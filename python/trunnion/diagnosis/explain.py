@@ -1,17 +1,16 @@
 """Find the sets of causes that explain some readings, and structure that none of them makes."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from trunnion.base.resolution import Floor
-from trunnion.base.units import Floats
 from trunnion.diagnosis.alarms import CAUSE_LEVEL, Alarm, scatter
+from trunnion.diagnosis.behind import behind, expand
 from trunnion.diagnosis.candidates import NAMING_LEVEL, Candidates
 from trunnion.diagnosis.case import Case
-from trunnion.diagnosis.columns import APART
 from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.explanation import Explanation, Sets
 from trunnion.diagnosis.fit import Fit, fit
@@ -22,7 +21,7 @@ from trunnion.diagnosis.probability import NEAR_ODDS, Behind, Beside, Only, Prob
 from trunnion.diagnosis.processes import processes
 from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Term
 from trunnion.diagnosis.selection import WITHIN, Found, Search, search
-from trunnion.diagnosis.structure import idle_beside
+from trunnion.diagnosis.structure import idle_beside, why_stated
 from trunnion.diagnosis.terms import (
     Competing,
     best_terms,
@@ -40,7 +39,6 @@ from trunnion.diagnosis.terms import (
 )
 from trunnion.diagnosis.whitening import Whiteners, correlated
 
-MAX_ALTERNATIVES = 50
 MAX_EXACT = 16  # sets that are tried for an exact fit
 LINEAR_ERROR = 2e-3  # of the plain model's residuals, what columns linearised there miss
 FEW_LEFT = 0.1  # the same where moments and durations are not fitted yet
@@ -53,7 +51,6 @@ MIN_EXPLAINED = 0.05  # of what is left, that a cause explains beside an incompl
 UNDETERMINED_P = 0.5  # of an effect beside the others of its set, times the candidates
 NOTHING = Only(frozenset({frozenset()}), none=1.0)
 UNNAMED = 0.5  # probability of structure without a name from which it is stated
-HIDDEN_SIZES = (1.0, 2.0, 4.0)  # times its least size, an effect that may hide behind causes
 
 
 def explain(case: Case) -> Explanation:
@@ -183,8 +180,10 @@ def _explained(case: Case) -> Explanation:
         smooth = processes(case, best) if weighed else []
         if unexplained or picked or smooth:
             chances, tried, terms, extended = _with_structure(case, picked, chances.search, smooth)
-            if idle := idle_beside(case, terms, extended, UNDETERMINED_P / candidates.multiplicity):
-                candidates.ban({j for j, e in enumerate(case.effects) if e.id in idle})
+            idle = idle_beside(case, terms, extended, UNDETERMINED_P / candidates.multiplicity)
+            bad = {j for j, e in enumerate(case.effects) if e.id in idle}
+            if bad := bad or _in_doubt_beside(case, terms, tried, extended):
+                candidates.ban(bad)
                 return _explained(case)
             best, demanded = tried[0], bool(tried[0].members)
             known = {f.members for f in tried}
@@ -197,7 +196,7 @@ def _explained(case: Case) -> Explanation:
         named = [*named, chances.search.nothing]
     least = min(best.score, chances.search.top.score)
     sets = _alternatives(case, named, least) if demanded else []
-    behind = partial(_behind, case, least, sets) if sets and not terms else None
+    later = partial(behind, case, least, sets) if sets and not terms else None
     note, p_scatter = scatter(case, extended)
     alarm = min(1.0, 0.05 * min(alarm_cause.p / CAUSE_LEVEL, alarm_scan.p / SCAN_LEVEL, p_scatter))
     penalty = best.score - float(case.floor.deviance(best.rss, plain.dof))
@@ -213,7 +212,7 @@ def _explained(case: Case) -> Explanation:
         values=case.values,
         note=note,
         least=top.rss,
-        behind=behind,
+        behind=later,
     )
 
 
@@ -354,66 +353,14 @@ def _alternatives(case: Case, named: Sequence[Found], least: float) -> Sets:
         if case.dependent and (f.members > named[0].members or f.score > least + WITHIN):
             continue  # readings that are not independent demand no more than the named set
         distance = max(f.score - least, 0.0)
-        sets += [(m, distance, f.rss) for m in _expand(case.candidates, f)]
+        sets += [(m, distance, f.rss) for m in expand(case.candidates, f)]
     return sets
-
-
-def _behind(case: Case, best: float, sets: Sets) -> Sets:
-    """Sets that explain the data as well with one more effect beside them, of a size that matters.
-
-    Nothing demands the effect, but the others take its share where it is there: a tool that wears
-    while it heats up looks like one that heats up less and sooner. The size is supposed and not
-    fitted, so that it costs no penalty. In its set the effect is the last.
-    """
-    c = case.candidates
-    known = {frozenset(m) for m, _, _ in sets}
-    out: dict[frozenset[int], tuple[dict[int, int], float, float]] = {}
-    hidden = {j for j, effect in enumerate(case.effects) if effect.least is not None}
-    for j in sorted(hidden):
-        effect = case.effects[j]
-        change = np.asarray(effect.change(effect.least or {}), dtype=np.float64)
-        white = case.white(change)
-        own = white - case.plain.basis @ (case.plain.basis.T @ white)
-        if not _take_a_share(c, known, own):
-            continue
-        for times in HIDDEN_SIZES:
-            for f in search(c, case.plain.white - times * own, floor=case.floor).found:
-                if f.score > best + WITHIN:
-                    break
-                for members in _expand(c, f):
-                    with_it = frozenset(members) | {j}
-                    # Where it can take another's place, that is said already.
-                    swapped = any(with_it > k and j in k and len(with_it - k) == 1 for k in known)
-                    if j in members or with_it in known or swapped:
-                        continue
-                    one = ({**members, j: 0}, max(f.score - best, 0.0), f.rss)
-                    if with_it not in out or one[1] < out[with_it][1]:
-                        out[with_it] = one
-    # A set that holds a smaller one of the kind says it again.
-    small = [k for k in (*known, *out) if k & hidden]
-    fresh = [one for with_it, one in out.items() if not any(with_it > k for k in small)]
-    return sorted(fresh, key=lambda one: one[1])
-
-
-def _take_a_share(c: Candidates, sets: Collection[frozenset[int]], own: Floats) -> bool:
-    """Whether causes of some sets explain any of a white change: not those of other readings."""
-    causes = np.isin(c.owner, sorted(set().union(*sets)))
-    return bool(np.any(c.gains(own)[causes] > APART**2 * (own @ own)))
 
 
 def _fit_set(case: Case, c: Candidates, f: Found) -> Fit:
     """Fit a set exactly, from the variants that the search chose."""
     chosen = {int(c.owner[b]): int(c.variant[b]) for b in f.blocks}
     return _fit_members(case, {j: v for j, v in chosen.items() if j < len(case.effects)})
-
-
-def _expand(c: Candidates, f: Found) -> list[dict[int, int]]:
-    """List all sets that a set of leaders stands for: candidate and its variant."""
-    out: list[dict[int, int]] = [{}]
-    for b in f.blocks:
-        alike = c.alike[int(c.owner[b])]
-        out = [{**o, i: int(c.variant[b])} for o in out for i in alike]
-    return out[:MAX_ALTERNATIVES]
 
 
 # --- structure without a name
@@ -477,6 +424,21 @@ def _with_structure(
     if _has_structure(c, top) or beside:
         terms = best_terms(case, fitted)
     return chances, named, terms, fitted
+
+
+def _in_doubt_beside(
+    case: Case, terms: Sequence[tuple[Term, float]], tried: Sequence[Found], f: Fit
+) -> set[int]:
+    """Causes of the first of some sets without which structure is fitted, and with which it is not.
+
+    A set without them is about as likely.
+    """
+    if not why_stated(case, terms, f):
+        return set()
+    for fewer in (one for one in tried if one.members < tried[0].members):
+        if not why_stated(case, terms, _fit_set(case, case.candidates, fewer)):
+            return set(tried[0].members - fewer.members)
+    return set()
 
 
 def _has_structure(c: Candidates, f: Found) -> bool:
