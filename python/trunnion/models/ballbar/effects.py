@@ -41,8 +41,10 @@ OF_POSITIONING = (
 )
 """What circles in one plane show as an arc of the other guide: x² and y² add up to a constant."""
 MIN_PITCH_MM = 4.0
-DECAYS = 10
 MAX_MOMENTS = 48
+DECAY_RATIO = 1.6  # of neighbours on the grid of decays
+LONGEST_DECAY = 0.6  # of the time between two reversals
+CLOSE = 3  # readings after a reversal whose spacing is looked at
 TIME_CONSTANTS = 12
 
 
@@ -196,7 +198,7 @@ def _reversal(path: Path, bar: Bar, axis: int) -> list[Effect]:
 
 def _spike(path: Path, bar: Bar, axis: int, sign: Floats) -> list[Effect]:
     """An axis that sticks where it turns back; at the start of a circle as much as it came to."""
-    since, started = path.since_reversal(sign), path.since_start(sign)
+    since, started = path.since_reversal(axis, sign), path.since_start(sign)
     if not np.isfinite(since).any():
         return []
     speed, names = path.speed_mm_s, ["a_um"]
@@ -208,18 +210,31 @@ def _spike(path: Path, bar: Bar, axis: int, sign: Floats) -> list[Effect]:
     if np.isfinite(started).any():
         names.append("start_um")
         past.append(np.where(np.isfinite(since), np.inf, started * per_mm))
-    shortest = float(np.quantile(inside, 0.02)) / 2
-    grid = tuple(map(float, np.geomspace(shortest, 60 * shortest, DECAYS)))
+    shortest, longest = _spacing(past[0], inside), LONGEST_DECAY * float(np.max(inside))
+    count = 2 + int(np.log(max(longest / shortest, 1.0)) / np.log(DECAY_RATIO))
+    grid = tuple(map(float, np.geomspace(shortest, max(longest, 2 * shortest), count)))
     shape = Decay(name, tuple(names), np.stack(past, axis=1), -sign * bar.direction[:, axis])
     return [
         gridded(
             f"reversal_spike_{AXES[axis]}",
-            [*names, Parameter(name, grid=grid, bounds=(shortest / 5, 300 * shortest))],
+            [*names, Parameter(name, grid=grid, bounds=(shortest / 2, 5 * grid[-1]))],
             shape.columns,
             f"reversal spike of the {AXES[axis].upper()} axis",
             slopes=shape.slopes,
         )
     ]
+
+
+def _spacing(past: Floats, inside: Floats) -> float:
+    """How closely readings follow a reversal: of a decay much shorter one reading shows anything.
+
+    Of the reversal of which they are closest: a slow circle shows shorter decays than a fast one.
+    past: Since the last reversal (n,), of which ``inside`` are later than it.
+    """
+    known = np.where(np.isfinite(past), past, np.max(inside))
+    each = np.split(known, np.flatnonzero(np.diff(known) < 0) + 1)
+    steps = [float(np.ptp(one[:CLOSE])) / (CLOSE - 1) for one in each if len(one) >= CLOSE]
+    return min((step for step in steps if step > 0), default=float(np.min(inside)))
 
 
 @dataclass(frozen=True, eq=False)

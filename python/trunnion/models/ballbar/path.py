@@ -20,6 +20,7 @@ TURNS_BACK = -0.7
 MIN_TRAVEL_MM = 1e-3
 #: Share of a run's readings that may be left out as at reversals: of a coarse circle they are many.
 MAX_LEFT_OUT = 0.2
+TINY = 1e-300
 
 
 class Path:
@@ -138,12 +139,13 @@ class Path:
             still[rows] &= np.count_nonzero(still[rows]) <= MAX_LEFT_OUT * len(rows)
         return np.flatnonzero(~still)
 
-    def since_reversal(self, sign: Floats) -> Floats:
-        """Path (mm) since the sign last changed in the run; inf before the first change.
+    def since_reversal(self, axis: int, sign: Floats) -> Floats:
+        """Path (mm) since X, Y or Z last reversed in the run; inf before the first time.
 
-        A reversal between two readings counts from where the rate vanishes, the reading nearest.
+        A reversal between two readings is where the rate between them, taken as linear, vanishes.
         """
         out = np.full(len(sign), np.inf)
+        rate = self.rate(self.tips[:, axis])
         for rows in self.each():
             last, since = 0.0, np.inf
             for k, row in enumerate(rows):
@@ -154,7 +156,9 @@ class Path:
                     if (last != 0.0 and now != last and not np.isfinite(since)) or (
                         last != 0.0 and now != last and self._older(since, rows, k, sign)
                     ):
-                        since = 0.5 * (self.along[row] + self.along[rows[k - 1]])
+                        before, after = abs(rate[rows[k - 1]]), abs(rate[row])
+                        start, end = self.along[rows[k - 1]], self.along[row]
+                        since = start + (end - start) * before / max(before + after, TINY)
                     last = now
                 if np.isfinite(since):
                     out[row] = self.along[row] - since
