@@ -72,3 +72,15 @@ def test_a_spike_of_a_few_readings_has_its_size(
         assert all(spike.std_errors[k] < 0.08 * v for k, v in hidden.items())
     assert np.max(np.abs(off)) < 3.5
     assert 0.4 < np.sqrt(np.mean(np.square(off))) < 1.7
+
+
+def test_a_reading_beside_those_left_out_at_a_reversal_stands_not_still() -> None:
+    """It has the backlash of its side: those beside the gap were outliers."""
+    for seed in range(30, 34):
+        data = circle(seed, 2000.0, ((0.0, 1.0), (3.0, 0.02)), turns=2.01)
+        for begin in range(4):  # readings fall otherwise beside the turn
+            some = data[np.arange(begin, len(data))]
+            model = tn.BallbarModel(some)
+            assert model.remarks
+            for axis in (0, 1):
+                assert not np.any(model.path.travel(model.path.tips[:, axis]) == 0)

@@ -111,12 +111,17 @@ class Path:
         return out
 
     def travel(self, values: Floats) -> Floats:
-        """Sign of travel of a quantity; 0 where it stands still between two signs."""
+        """Sign of travel of a quantity; 0 where it stands still between two signs.
+
+        Readings beside a gap, such as that of those left out at a reversal, stand no longer there.
+        """
         rate = self.rate(values)
         out = np.sign(rate)
         for rows in self.each():
             if len(rows) > 2:
-                least = STANDSTILL * float(np.max(np.abs(np.diff(rate[rows])), initial=0.0))
+                step = np.maximum(np.diff(self.along[rows]), TINY)
+                change = np.abs(np.diff(rate[rows])) * np.minimum(1.0, np.median(step) / step)
+                least = STANDSTILL * float(np.max(change, initial=0.0))
                 out[rows] = np.where(np.abs(rate[rows]) < least, 0.0, out[rows])
         return out
 
