@@ -38,7 +38,7 @@ def search_between(case: Case) -> Search:
     """
     white, floor = case.plain.white, case.floor
     s = search(case.candidates, white, floor=floor)
-    for _ in range(MAX_ROUNDS if _sought(case) else 0):
+    for _ in range(0 if case.dependent else MAX_ROUNDS):
         further = _beside_others(case, s)
         if not further:
             break
@@ -46,11 +46,6 @@ def search_between(case: Case) -> Search:
         case.fits.clear()
         s = search(case.candidates, white, floor=floor)
     return s
-
-
-def _sought(case: Case) -> bool:
-    """Whether places between those of grids are sought."""
-    return len(case.plain.white) < MANY_ROWS and not case.dependent
 
 
 def _beside(case: Case, c: Candidates, blocks: Sequence[int]) -> Beside:
@@ -70,7 +65,7 @@ def _beside_others(case: Case, s: Search) -> dict[int, Values]:
     """
     c, found = s.c, dict[int, Values]()
     scores, looked_at = _of_further(case, s), dict[tuple[tuple[int, ...], bytes], Along]()
-    for rest, rss, known, near in _companies(s):
+    for rest, rss, known, near in _companies(s, few=len(case.plain.white) < MANY_ROWS):
         j = s.owner[near[0]]
         free = of_ratios(case.effects[j])
         if free is None:
@@ -122,15 +117,17 @@ def _that_matter(c: Candidates, others: Sequence[int], blocks: Integers) -> tupl
     return tuple(b for b in sorted(others) if b not in apart)
 
 
-def _companies(s: Search) -> Iterator[tuple[tuple[int, ...], float, float, Integers]]:
+def _companies(s: Search, *, few: bool) -> Iterator[tuple[tuple[int, ...], float, float, Integers]]:
     """Blocks beside which a candidate may explain more, what they leave, its gain, and its blocks.
 
     Those about which it may gain enough; all of them, if it is in the set. Beside the best sets,
     and these without one cause: that which takes the place of what is missed at places of the grid.
+    Of many readings, whose columns take time, only the block of a cause of a set, beside the others.
     """
     c, seen = s.c, set[tuple[frozenset[int], int]]()
     several = np.bincount(c.owner, minlength=c.count)[c.owner] >= MIN_PLACES
-    without = ((f.blocks, k) for f in s.found[:COMPANIES] for k in (None, *f.blocks))
+    left_out = ((f.blocks, (None, *f.blocks) if few else (None,)) for f in s.found[:COMPANIES])
+    without = ((blocks, k) for blocks, some in left_out for k in some)
     for rest in dict.fromkeys(tuple(b for b in blocks if b != k) for blocks, k in without):
         for one in (None, *(b for b in rest if several[b])):
             others = tuple(b for b in rest if b != one)
@@ -138,8 +135,11 @@ def _companies(s: Search) -> Iterator[tuple[tuple[int, ...], float, float, Integ
             size, penalty = c.rank[list(others)].sum(), c.penalty[list(others)].sum()
             most = gains + _above_neighbours(c.owner, gains)
             reached = s.score(rss - most, size + c.rank, penalty + c.penalty)
-            own = c.owner == (-1 if one is None else s.owner[one])
-            near = np.flatnonzero(several & ((reached <= s.best + WITHIN) | own))
+            if few:
+                own = c.owner == (-1 if one is None else s.owner[one])
+                near = np.flatnonzero(several & ((reached <= s.best + WITHIN) | own))
+            else:
+                near = np.array([] if one is None else [one], dtype=np.intp)
             for j in np.setdiff1d(c.owner[near], c.owner[list(others)]).tolist():
                 known = float(gains[c.owner == j].max())
                 large = s.score(rss, 0, 0.0) - s.score(rss - known, 0, 0.0) > LARGE
