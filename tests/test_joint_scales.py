@@ -75,3 +75,23 @@ def test_what_a_kind_says_of_an_axis_is_all_of_its_scale() -> None:
     said = re.search(r"scale_y is (\S+) ± \S+ ppm in ballbar, (\S+) ± ", found.unexplained or "")
     assert said is not None
     assert [float(x) for x in said.groups()] == pytest.approx([60.0, 40.0], abs=1.5)
+
+
+def test_the_rms_of_sets_has_the_unit_that_its_column_says() -> None:
+    """Of several measurements, each weighed by its own noise, it is relative to that."""
+    for seed in range(6, 11):
+        rng = np.random.default_rng(seed)
+        data = [bar(rng, (20.0, 20.0), 0.0), run(rng, "X", 20.0, 0.0)]
+        found = tn.diagnose(data)
+        for one in found.evidence:
+            assert one.unit == "relative to the noise"
+            assert 0.8 < one.rms_um < 1.2
+            (table,) = one.tables()
+            assert table.columns[-1] == "rms (relative to the noise)"
+        for table in found.tables():
+            if table.title == "Sets of causes":
+                assert table.columns[-1] == "rms (relative to the noise)"
+        alone = tn.diagnose(data[0])
+        assert alone.evidence[0].unit == "µm"
+        assert alone.evidence[0].rms_um == pytest.approx(alone.gain.rms_after_um, rel=0.02)
+        assert alone.evidence[0].tables()[0].columns[-1] == "rms (µm)"

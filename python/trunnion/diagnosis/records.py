@@ -31,6 +31,7 @@ MIN_P = 0.001  # smaller ones are called so
 MAX_ROWS = 12  # of a table of readings
 MAX_WORST = 3  # errors that are stated to be in doubt
 MIN_DOUBT = 0.5  # of the uncertainty of such an error
+RELATIVE = "relative to the noise"
 NO_CAUSE = "no known cause"  # of a set without one: noise alone, or what the catalogue has not
 
 
@@ -231,12 +232,15 @@ class Alternative(Result):
     distance:
         Penalised -2 ln L above the best of all sets, which is the first as a rule.
     rms_um:
-        Of the residuals, in the readings' unit; relative to the noise where units are mixed.
+        Of the residuals, in `unit`.
     start:
         Values of nonlinear parameters (a slip's time) from which a fit of the set starts.
     probability:
         That these causes of the catalogue act and no others, over all sets that were looked at,
         the one without a cause included.
+    unit:
+        Of `rms_um`: that of the readings; "relative to the noise" where units are mixed, or the
+        readings of several measurements, each of which is weighed by its own noise.
 
     Examples
     --------
@@ -252,6 +256,7 @@ class Alternative(Result):
     rms_um: float
     start: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     probability: float = 1.0
+    unit: str = "µm"
 
     def sentences(self) -> tuple[str, ...]:
         """Say the set and its distance."""
@@ -416,7 +421,7 @@ def value_in_words(value: float, std: float | None, unit: str = "") -> str:
 
 
 def alternatives_table(
-    alternatives: Sequence[Alternative], unit: str = "", labels: Mapping[str, str] | None = None
+    alternatives: Sequence[Alternative], labels: Mapping[str, str] | None = None
 ) -> Table:
     """Return sets of causes with their distance from the best; labels where they are known."""
     known = labels or {}
@@ -429,6 +434,7 @@ def alternatives_table(
         )
         for a in alternatives
     ]
+    unit = alternatives[0].unit
     rms = with_unit("rms", unit and f"({unit})")
     columns = ("causes", "probability", "−2 ln L above the best", rms)
     return Table.of("Sets of causes", columns, rows, digits=1)

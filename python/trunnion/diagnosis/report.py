@@ -22,6 +22,7 @@ from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.moments import moment_errors, other_optima
 from trunnion.diagnosis.open_structure import in_doubt, left_open, notes_of_structure
 from trunnion.diagnosis.records import (
+    RELATIVE,
     Alternative,
     Cause,
     Gain,
@@ -38,7 +39,7 @@ from trunnion.diagnosis.scatter import Scatter
 from trunnion.diagnosis.shape_in_time import notes_of_shape, shape_in_doubt
 from trunnion.diagnosis.structure import placed, structure_of, why_stated, with_structure
 from trunnion.diagnosis.unnoticed import Others, is_small, names_of, too_little, unnoticed_of
-from trunnion.diagnosis.whitening import correlated
+from trunnion.diagnosis.whitening import Whiteners, correlated
 from trunnion.machine.budget import MODEL, SHAPE, Source, of_readings, root
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import bias_in_words, combined, named_combination
@@ -357,14 +358,16 @@ def _alternatives(case: Case, e: Explanation) -> list[Alternative]:
     """List the sets of causes, each once, best first."""
     ids = [x.id for x in case.effects]
     out: dict[frozenset[str], Alternative] = {}
-    chances = e.probabilities
+    chances, unit = e.probabilities, case.model.readings.unit
+    of_noise = not isinstance(unit, str) or isinstance(case.whiten, Whiteners)
+    unit = RELATIVE if of_noise else str(unit)
     for members, distance, rss in e.sets:
         causes = frozenset(ids[m] for m in members)
         if causes not in out:
             size = np.sqrt(max(rss, 0.0) / max(len(e.fit.white), 1))
             start = {ids[m]: e.values[m][v] for m, v in members.items()}
             chance = chances.of_set(frozenset(members))
-            out[causes] = Alternative(causes, float(distance), float(size), start, chance)
+            out[causes] = Alternative(causes, float(distance), float(size), start, chance, unit)
     sets = list(out.values())
     return [*sets[:1], *sorted(sets[1:], key=lambda a: -a.probability)]
 

@@ -398,9 +398,8 @@ class Diagnosis(Result):
         estimates = self.table()
         tables = [estimates] if estimates.rows else []
         if len(self.evidence) > 1:
-            unit = self.gain.unit if not self.gain.others else "relative to the noise"
             called = {**self.labels, **{c.id: c.label for c in self.causes}}
-            tables.append(alternatives_table(self.evidence[: MAX_SETS + 1], unit, called))
+            tables.append(alternatives_table(self.evidence[: MAX_SETS + 1], called))
         if self.contributions:
             tables.append(contributions_table(self.contributions))
             biases = bias_table(self.contributions, self.errors_std)
