@@ -122,7 +122,7 @@ def _companies(s: Search, *, few: bool) -> Iterator[tuple[tuple[int, ...], float
 
     Those about which it may gain enough; all of them, if it is in the set. Beside the best sets,
     and these without one cause: that which takes the place of what is missed at places of the grid.
-    Of many readings, whose columns take time, only the block of a cause of a set, beside the others.
+    Of many readings, whose columns take time, only the block of a cause that is in a set.
     """
     c, seen = s.c, set[tuple[frozenset[int], int]]()
     several = np.bincount(c.owner, minlength=c.count)[c.owner] >= MIN_PLACES
