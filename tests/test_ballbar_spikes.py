@@ -1,4 +1,4 @@
-"""Reversal spikes of a few readings: how large they are, and that nothing else is named for them."""
+"""Reversal spikes of a few readings: their sizes, and that nothing else is named for them."""
 
 import numpy as np
 import pytest
@@ -74,6 +74,20 @@ def test_a_spike_of_a_few_readings_has_its_size(
         assert all(spike.std_errors[k] < 0.08 * v for k, v in hidden.items())
     assert np.max(np.abs(off)) < 3.5
     assert 0.4 < np.sqrt(np.mean(np.square(off))) < 1.7
+
+
+def test_of_a_spike_of_one_reading_the_size_is_not_said_to_be_known() -> None:
+    """Ten µm that are gone after a millisecond, of readings 4 ms apart."""
+    for seed in range(50, 54):
+        found = tn.diagnose(circle(seed, 2000.0, ((0.0, 1.0), (10.0, 0.001))))
+        (spike,) = (c for c in found.causes if c.id == "reversal_spike_y")
+        assert np.isinf(spike.std_errors["decay_ms"])
+        (note,) = (note for note in found.notes if "do not determine decay" in note)
+        assert "reversal_spike_y" in note
+        assert "2 ms, the lowest value that is looked for. a with the standard error" in note
+        assert "decay not identifiable" in spike.size()
+    known = tn.diagnose(circle(54, 2000.0, ((0.0, 1.0), (10.0, 0.010))))
+    assert not any("do not determine" in note for note in known.notes)
 
 
 def test_a_reading_beside_those_left_out_at_a_reversal_stands_not_still() -> None:

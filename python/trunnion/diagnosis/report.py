@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from trunnion.base.units import Floats, Integers
+from trunnion.diagnosis.at_ends import notes_at_ends
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case, kept_rows
 from trunnion.diagnosis.contributions import contributions_of
@@ -187,7 +188,7 @@ def _notes_of_causes(case: Case, f: Fit, variance: float) -> tuple[str, ...]:
         effect, _, parameter = name.partition(".")
         against = contradiction(name, f.effects[effect][parameter], std[k], one)
         said += [] if against is None else [against]
-    return (*said, *_notes_of_pairs(case, f, std))
+    return (*said, *_notes_of_pairs(case, f, std), *notes_at_ends(case, f, variance))
 
 
 def _notes_of_pairs(case: Case, f: Fit, std: Floats) -> Iterator[str]:
