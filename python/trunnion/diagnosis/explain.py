@@ -21,7 +21,7 @@ from trunnion.diagnosis.probability import NEAR_ODDS, Behind, Beside, Only, Prob
 from trunnion.diagnosis.processes import processes
 from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Term
 from trunnion.diagnosis.selection import WITHIN, Found, Search, search
-from trunnion.diagnosis.structure import idle_beside, why_stated
+from trunnion.diagnosis.structure import idle_beside, predicts_worse, why_stated
 from trunnion.diagnosis.terms import (
     Competing,
     best_terms,
@@ -429,11 +429,11 @@ def _with_structure(
 def _in_doubt_beside(
     case: Case, terms: Sequence[tuple[Term, float]], tried: Sequence[Found], f: Fit
 ) -> set[int]:
-    """Causes of the first of some sets without which structure is fitted, and with which it is not.
+    """Causes of the first of some sets beside which structure predicts readings worse.
 
-    A set without them is about as likely.
+    A set without them is about as likely, and beside it the structure is fitted.
     """
-    if not why_stated(case, terms, f):
+    if not predicts_worse(case, terms, f):
         return set()
     for fewer in (one for one in tried if one.members < tried[0].members):
         if not why_stated(case, terms, _fit_set(case, case.candidates, fewer)):

@@ -35,6 +35,7 @@ INCOMPLETE = (
 )
 UNDETERMINED = "the readings do not determine it beside the causes; measure at more places"
 ELSEWHERE = "measure at further places or in another order, which distinguish the two"
+WORSE = f"with it readings are predicted worse from the others; {ELSEWHERE}"
 DISTINGUISHED = 2.0
 """How much wider structure may make a cause's standard error, and be in the model.
 
@@ -227,6 +228,11 @@ def why_stated(kept: Case, terms: Sequence[tuple[Term, float]], f: Fit) -> tuple
     return (f"{NOT_FITTED}: {why}.",) if why else ()
 
 
+def predicts_worse(kept: Case, terms: Sequence[tuple[Term, float]], f: Fit) -> bool:
+    """Whether structure is not fitted beside causes as readings are predicted worse with it."""
+    return bool(terms) and not kept.dependent and _tried(kept, terms[0][0], f).why_not == WORSE
+
+
 def idle_beside(kept: Case, terms: Sequence[tuple[Term, float]], f: Fit, level: float) -> set[str]:
     """Causes of a fit that do nothing once structure is fitted beside them, its period no grid's.
 
@@ -266,7 +272,7 @@ def _with_term(kept: Case, term: Term, f: Fit) -> WithTerm:
     whole = replace(kept, model=model)
     before, after = kept.cross_validated(f), whole.cross_validated(found)
     if not better(model, kept.rows, before, after):
-        return WithTerm(None, f"with it readings are predicted worse from the others; {ELSEWHERE}")
+        return WithTerm(None, WORSE)
     grown = wider(f, found)[len(f.nuisance) :]
     why = ""
     if np.max(grown, initial=0.0) > DISTINGUISHED:
