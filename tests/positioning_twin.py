@@ -49,6 +49,14 @@ def beside_a_line(place: np.ndarray, change: np.ndarray) -> np.ndarray:
     return np.asarray(change - np.polyval(np.polyfit(place, change, 1), place))
 
 
+def grown_from_its_bearing(data: tn.Positioning, rng: np.random.Generator) -> np.ndarray:
+    """A screw warms up by some kelvin and grows from the bearing that holds it, at an end."""
+    warm_k = rng.uniform(0.6, 2.0)
+    along_m = 1e-3 * (data.target - rng.choice([-60.0, 560.0]))
+    part = np.arange(len(data)) / len(data) / rng.uniform(0.1, 0.6)
+    return np.asarray(11.5 * along_m * warm_k * -np.expm1(-part))
+
+
 HIDDEN: dict[str, Callable[[tn.Positioning, np.random.Generator], np.ndarray]] = {
     "scale": lambda d, rng: 1e-3 * rng.uniform(10, 30) * (d.target - 250),
     "reversal": lambda d, rng: rng.uniform(1, 4) * d.direction,
@@ -63,6 +71,7 @@ HIDDEN: dict[str, Callable[[tn.Positioning, np.random.Generator], np.ndarray]] =
     "warmup": lambda d, rng: (
         rng.uniform(2, 8) * (1 - np.exp(-np.arange(len(d)) / len(d) / rng.uniform(0.1, 0.6)))
     ),
+    "screw_warmup": grown_from_its_bearing,
     "periodic": lambda d, rng: (
         rng.uniform(1, 4)
         * np.sin(2 * np.pi * d.target / rng.uniform(110, 160) + rng.uniform(0, 6.28))

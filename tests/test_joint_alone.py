@@ -97,8 +97,7 @@ def test_structure_is_taken_from_what_causes_leave() -> None:
     """A bump along the axis and no cause: the noise is that beside it, as in its own diagnosis."""
     for seed in range(6):
         model = model_of(knocked(stops(seed, ("scale",))))
-        d, left = tn.diagnose(model), left_one_by_one(case_of(model))
-        assert left is not None
+        d, left = tn.diagnose(model), leave(model)
         assert left.unexplained is not None
         assert d.unexplained is not None
         dof = len(left.after) - left.parameters - len(model.nuisance)

@@ -227,7 +227,7 @@ def levels(
 # --- counting
 
 
-OF_TIME = frozenset({"warmup", "drift", "cycle_drift", "expansion"})
+OF_TIME = frozenset({"warmup", "screw_warmup", "drift", "cycle_drift", "expansion"})
 LENGTHS = frozenset({"scale", "curve"})  # a screw that grows is longer, and its curve another
 
 

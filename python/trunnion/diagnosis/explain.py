@@ -106,7 +106,10 @@ def _with_errors(case: Case, share: float) -> Case:
 
 
 def _exact_among(case: Case, noisy: Case) -> Explanation | None:
-    """Explain by the sets of fewest causes that fit exactly, found in a case with so much noise."""
+    """Explain by the sets of fewest causes that fit exactly, found in a case with so much noise.
+
+    Of as many causes those of fewest parameters.
+    """
     found = _explained(noisy)
     case = replace(case, linearised=noisy.linearised)  # at the places that were found there
     tried = found.sets[:MAX_EXACT]
@@ -118,8 +121,8 @@ def _exact_among(case: Case, noisy: Case) -> Explanation | None:
             exact.setdefault(frozenset(few), (few, least))
     if not exact:
         return None
-    fewest = min(map(len, exact))
-    exact = {members: one for members, one in exact.items() if len(members) == fewest}
+    fewest = min(exact.values(), key=_size)
+    exact = {members: one for members, one in exact.items() if _size(one) == _size(fewest)}
     sets = [(members, 0.0, f.rss) for members, f in exact.values()]
     first = next(iter(exact.values()))[1]
     only, rss = Only(frozenset(exact)), case.least_rss
@@ -133,6 +136,12 @@ def _exact_among(case: Case, noisy: Case) -> Explanation | None:
         behind=None,
         assumed=noisy.floor.variance,
     )
+
+
+def _size(found: tuple[dict[int, int], Fit]) -> tuple[int, int]:
+    """Count of the causes of a set, and of their parameters."""
+    members, f = found
+    return len(members), len(f.names)
 
 
 def _pruned(case: Case, members: dict[int, int], f: Fit) -> tuple[dict[int, int], Fit]:

@@ -184,7 +184,7 @@ FAMILIES = (
     ),
     Family(
         "drift",
-        r"expansion|leg_expansion.*",
+        r"expansion|leg_expansion.*|screw_warmup",
         WARM,
     ),
     Family(

@@ -227,7 +227,7 @@ class ExtendedPositioning(Estimate):
     offset: float
 
 
-OF_TIME = ("cycle_drift", "drift", "warmup", "expansion")
+OF_TIME = ("cycle_drift", "drift", "warmup", "screw_warmup", "expansion")
 IDS = (
     "scale",
     "reversal",
@@ -238,6 +238,7 @@ IDS = (
     "cycle_drift",
     "drift",
     "warmup",
+    "screw_warmup",
     "expansion",
     "curve",
 )
@@ -396,11 +397,17 @@ def _of_time(data: Positioning, unit: str) -> list[Effect]:
     seconds = _seconds(data)
     if seconds is None:
         return []
-    ones = np.ones(len(data))
-    return [
+    ones, size = np.ones(len(data)), f"amplitude_{unit}"
+    out = [
         drift("drift", f"rate_{unit}_h", seconds / 3600.0, ones, "drift with time"),
-        warmup("warmup", f"amplitude_{unit}", seconds / 60.0, ones, "warm-up of the axis"),
+        warmup("warmup", size, seconds / 60.0, ones, "warm-up of the axis"),
     ]
+    if not data.rotary:
+        # A screw grows from its fixed bearing, which is anywhere: the middle of the targets moves.
+        from_middle = 1e-3 * (data.target - data.target.mean())
+        enters, label = np.stack([from_middle, ones], axis=1), "warm-up of the screw, which grows"
+        out.append(warmup("screw_warmup", ["ppm", size], seconds / 60.0, enters, label))
+    return out
 
 
 def build(

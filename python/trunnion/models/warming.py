@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,17 +16,19 @@ DURATIONS = 10
 
 
 def warmup(
-    id_: str, amplitude: str, minutes: Floats, enters: Floats, label: str, **more: Any
+    id_: str, sizes: str | Sequence[str], minutes: Floats, enters: Floats, label: str, **more: Any
 ) -> Effect:
     """Make an effect in proportion to 1 - exp(-t/τ), τ (`tau_min`) sought on a grid.
 
+    sizes: Name of its size, or of k sizes with the same τ.
     minutes: Time of each reading since the first, (n,), not all the same.
-    enters: Change of each reading per unit of displacement, (n,).
+    enters: Change of each reading per unit of each size, (n,) or (n, k).
     """
     length = float(np.max(minutes))
     tau = Parameter("tau_min", "min", tuple(np.geomspace(length / 20, 1.5 * length, DURATIONS)))
-    parameters = [Parameter(amplitude), tau]
-    return gridded(id_, parameters, _Warming(minutes, enters), label, **more)
+    names = [sizes] if isinstance(sizes, str) else sizes
+    shape = _Warming(minutes, enters.reshape(len(minutes), len(names)))
+    return gridded(id_, [*map(Parameter, names), tau], shape, label, **more)
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +39,7 @@ class _Warming:
     enters: Floats
 
     def __call__(self, values: Mapping[str, float]) -> Floats:
-        return (self.enters * settled(self.minutes, values["tau_min"]))[:, None]
+        return self.enters * settled(self.minutes, values["tau_min"])[:, None]
 
 
 def settled(minutes: Floats, tau_min: Floats | float) -> Floats:
