@@ -22,7 +22,9 @@ MAX_SENTENCES = 3
 MAX_SUMS = 64  # of causes of a set that are compared with terms, those of few first
 MIN_LEFT = 1e-14  # of a sum of squares: rounding
 SAME = 0.9  # correlation from which a cause makes what a term does
-WAY = 0.3  # singular value of unit columns, from which they make one more direction of a term
+MIN_OF_A_WAY = (
+    0.3  # singular value of unit columns, from which they make one more direction of a term
+)
 SAME_SHARE = 1e-3  # of the variance of a term, that causes which make it may leave
 TINY = 1e-300
 
@@ -277,7 +279,10 @@ def made_of_causes(case: Case, terms: Sequence[int]) -> set[int]:
         inside = made.sum(axis=1) > (1.0 - SAME_SHARE) * c.rank
         inside &= np.isfinite(c.penalty) & (c.rank < ways.shape[1])
         parts = [c.columns(int(b)) @ ways for b in np.flatnonzero(inside)]
-        if parts and np.linalg.matrix_rank(np.concatenate(parts), tol=WAY) == ways.shape[1]:
+        if (
+            parts
+            and np.linalg.matrix_rank(np.concatenate(parts), tol=MIN_OF_A_WAY) == ways.shape[1]
+        ):
             found.add(term)
     return found
 
