@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trunnion.base.errors import UnknownNameError
+from trunnion.base.checks import choose
 from trunnion.base.resolution import Coordinates, Grid
 from trunnion.base.statistics import RANK_TOLERANCE
 from trunnion.base.units import Flags, Floats, Integers
@@ -186,8 +186,7 @@ class Uncertainty:
         }
 
 
-TURNED = ((1.0, "forward"), (0.0, "not turned"), (-1.0, "backward"))
-"""Senses in which an axis came to its place, in words."""
+TURNED = ((1.0, "forward"), (0.0, "not turned"), (-1.0, "backward"))  # came to its place so
 
 
 class Model:
@@ -287,8 +286,7 @@ class Model:
     def components(self) -> Mapping[str, Floats]:
         """How an unknown disturbance enters the readings, by name, each (n,): in every one alike.
 
-        A displacement of the machine along X enters a touch with ``dir_x``, a bigger ball with 1:
-        ``{"X": dir_x, "Y": dir_y, "Z": dir_z, "every touch alike": 1}``.
+        Of a touch {"X": dir_x, "Y": dir_y, "Z": dir_z, "every touch alike": 1}: a bigger ball is 1.
         """
         return {"": np.ones(len(self.readings))}
 
@@ -320,22 +318,21 @@ class Model:
         """Id by which measurements of the machine share an effect, its sign; None: they do not."""
         return (effect.id, 1.0) if effect.owner is Owner.MACHINE else None
 
+    def left_by_places(self, _: EffectValues) -> Mapping[tuple[str, str], float]:
+        """Standard uncertainty by the choice of places, by effect and parameter: none."""
+        return {}
+
     def instrument_size(self, effect: Effect) -> float | None:  # noqa: ARG002
         """Nominal size of the instrument whose error an effect is, mm.
 
-        Measurements of one kind that give the same size are by one instrument. None: the effect is
-        this measurement's own.
+        Equal sizes in measurements of one kind are one instrument. None: this measurement's own.
         """
         return None
 
     def effect(self, name: str) -> Effect:
         """Return the effect of this id."""
-        for effect in self.effects:
-            if effect.id == name:
-                return effect
-        raise UnknownNameError(
-            f"effect: got {name!r}, expected one of {', '.join(e.id for e in self.effects)}"
-        )
+        known = {effect.id: effect for effect in self.effects}
+        return known[choose("effect", name, known)]
 
     def predict(self, nuisance: Floats, effects: EffectValues) -> Floats:
         """Return the readings under these values, shape (n,); effects not named are absent."""
@@ -369,8 +366,9 @@ class Model:
     ) -> Floats:
         """Return the derivative by linear parameters at each of some values, (v, k, n)."""
         linear = [i for i, p in enumerate(effect.parameters) if p.linear]
-        # Columns one after the other in memory, as all that is done with them needs them.
-        out = np.empty((len(values), len(linear), len(self.readings)))
+        out = np.empty(
+            (len(values), len(linear), len(self.readings))
+        )  # a column in a row of memory
         as_it_is = type(self).effect_jacobian is Model.effect_jacobian
         for own, at in zip(out, values, strict=True):
             if as_it_is:

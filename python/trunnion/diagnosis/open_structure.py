@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from trunnion.base.report import uncertainty
-from trunnion.base.units import Floats
+from trunnion.base.units import Floats, capital
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import NamedValues
 from trunnion.diagnosis.explanation import Explanation
@@ -19,7 +19,7 @@ from trunnion.diagnosis.functions import DEPENDENT
 from trunnion.diagnosis.likely_terms import terms_one_by_one
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.probability import chance_in_doubt
-from trunnion.diagnosis.records import MAX_WORST, MIN_DOUBT, with_unit
+from trunnion.diagnosis.records import MAX_WORST, MIN_DOUBT, labelled, with_unit
 from trunnion.diagnosis.smooth import over_range
 from trunnion.diagnosis.structure import DISTINGUISHED, wider
 from trunnion.machine.effects import Owner
@@ -39,8 +39,8 @@ class LeftOpen:
     every:
         Of all that is fitted.
     constant:
-        The part of it that is the constant of a smooth curve: no set of causes was compared with
-        it, as such a term is taken to be zero on average.
+        The part of it that is the constant of a smooth curve, or the choice of places: no set of
+        causes was compared with it, as such a term is taken to be zero on average.
     """
 
     every: Floats
@@ -64,9 +64,9 @@ def left_open(
     B). ``variance``: of a white reading; ``before``: the case without structure in its model, of
     which further terms may be seen, as of several measurements each has structure of its own.
     """
-    none = np.zeros_like(f.covariance)
+    none, places = np.zeros_like(f.covariance), _by_places(kept, f)
     if not e.terms or kept.dependent:
-        return LeftOpen(none, none)
+        return LeftOpen(places, places)
     d = before.dictionary
     further = terms_one_by_one(d, f.white, f.basis, kept.floor, MAX_FURTHER)[0]
     others = [FormulaEffect.of_term(d.term(number), kept.model) for number, _ in further]
@@ -79,7 +79,31 @@ def left_open(
         first = _Term(kept, f, source, variance, absorbed, f.effects[source.id])
         moved = np.outer(off, off)
     terms = [first, *(_Term(kept, f, term, variance, absorbed) for term in others)]
-    return LeftOpen(moved + np.sum([x.left_open for x in terms], axis=0), first.constant)
+    every = moved + np.sum([x.left_open for x in terms], axis=0)
+    return LeftOpen(every + places, first.constant + places)
+
+
+def _by_places(kept: Case, f: Fit) -> Floats:
+    """Mean squares that the choice of places leaves open, (p + k, p + k)."""
+    named = {effect.id for effect in kept.effects}  # without structure, which is no effect of these
+    known = kept.model.left_by_places({k: v for k, v in f.effects.items() if k in named})
+    return np.diag([*np.zeros(len(f.nuisance)), *(known.get(name, 0.0) ** 2 for name in f.names)])
+
+
+def notes_of_open(
+    kept: Case, f: Fit, open_: LeftOpen, std: Mapping[str, float], variance: float
+) -> tuple[str, ...]:
+    """Say of which errors and causes what is left open is most of the uncertainty."""
+    squares, own = np.diag(_by_places(kept, f)), np.diag(f.covariance) * variance
+    worst = [f.names[k - len(f.nuisance)] for k in np.flatnonzero(squares > own)]
+    causes = [kept.model.effect(id_) for id_ in dict.fromkeys(id_ for id_, _ in worst)]
+    said = tuple(
+        f"{capital(labelled(e.id, e.label))}: mostly uncertain by the choice of targets. What "
+        "repeats at single targets may be a wave shorter than two steps between them, of which "
+        "other targets show another slope; the same targets on both dates show the same."
+        for e in causes
+    )
+    return (*notes_of_structure(kept.model, open_.every, std), *said)
 
 
 def in_doubt(case: Case, e: Explanation, f: Fit, constant: Floats) -> Explanation:

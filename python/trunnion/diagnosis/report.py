@@ -21,7 +21,7 @@ from trunnion.diagnosis.fit import Fit, confounded, first_values, variant_column
 from trunnion.diagnosis.in_steps import as_read
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.moments import moment_errors, other_optima
-from trunnion.diagnosis.open_structure import in_doubt, left_open, notes_of_structure
+from trunnion.diagnosis.open_structure import in_doubt, left_open, notes_of_open
 from trunnion.diagnosis.records import (
     RELATIVE,
     Alternative,
@@ -95,7 +95,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     weak = unnoticed_of(kept, grown, std, others, lost)
     contributions, ladder = contributions_of(kept, case.given or plain, grown, rows)
     known = _uncertainty(kept, f, doubt, shape, sigma, variance)
-    unsure = (*notes_of_structure(model, open_.every, std), *notes_of_shape(model, f, shape, std))
+    unsure = (*notes_of_open(kept, f, open_, std, variance), *notes_of_shape(model, f, shape, std))
     notes = (*stated, *unsure, *_notes(case, f, variance, sigma, read=read))
     return Diagnosis(
         verdict=_verdict(said, before, e, rows, named, len(alternatives), len(dropped)),

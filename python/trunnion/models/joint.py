@@ -39,6 +39,7 @@ from trunnion.machine.budget import Input
 from trunnion.machine.effects import Owner, Together
 from trunnion.models.agreement import APART, LEVEL, effects_apart, errors_apart
 from trunnion.models.one_bar import Instruments, ScaleAlike
+from trunnion.models.other_places import left_by_places
 from trunnion.models.parts import (
     Acts,
     Change,
@@ -126,17 +127,14 @@ class JointModel(Model):
                     label = own.label or own.id.replace("_", " ")
                     label = shared_label(id_, label) if ":" not in id_ else f"{label} ({part.name})"
                     made[id_] = self._effect(id_, own.parameters, label, own.owner, own)
+        alike = instruments.scale_alike(self._acts, [part.kind for part in self.parts])
+        self.alike: ScaleAlike = alike if before is None else before.alike
         for id_ in instruments.ids:
-            if len(acts := self._acts[id_]) > 1:
-                made[id_] = replace(made[id_], label=acts[0].effect.label)
+            first, one = self._acts[id_][0].effect, made[id_]
+            label = first.label if len(self._acts[id_]) > 1 else one.label
+            looks_like = "" if self.alike.axes else first.looks_like
+            made[id_] = replace(one, label=label, looks_like=looks_like)
         self.apart: dict[str, tuple[str, str]] = {}  # which kind differs in what, by candidate
-        kinds = [part.kind for part in self.parts]
-        self.alike: ScaleAlike = (
-            instruments.scale_alike(self._acts, kinds) if before is None else before.alike
-        )
-        for id_ in () if self.alike.axes else instruments.ids:
-            looks_like = self._acts[id_][0].effect.looks_like
-            made[id_] = replace(made[id_], looks_like=looks_like)
         if self.alike.axes:
             self._acts[self.alike.id] = self.alike.acts(self._acts)
             made[self.alike.id] = self._scale_alike([made[id_] for id_ in self.alike.scales])
@@ -264,6 +262,10 @@ class JointModel(Model):
     def dictionary(self, whiten: Whiten) -> Dictionary | None:
         """Structure without a name: that of the parts, by the noise that these have."""
         return joined_dictionary(self, whiten, self.parts)
+
+    def left_by_places(self, effects: EffectValues) -> Mapping[tuple[str, str], float]:
+        """Of changes between measurements at other places, and differences of kinds."""
+        return left_by_places(self, self._acts, self._changes, effects)
 
     def of_part(
         self, i: int, nuisance: Floats, effects: EffectValues

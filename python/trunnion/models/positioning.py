@@ -7,7 +7,7 @@ direction of approach.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from typing import Any
@@ -22,6 +22,7 @@ from trunnion.diagnosis.effect import (
     EffectLike,
     EffectValues,
     Parameter,
+    Values,
     drift,
     linear,
     periodic,
@@ -47,6 +48,7 @@ MAX_HARMONIC = 6
 MIN_TARGETS_OF_A_HARMONIC = 4
 MAX_NODES = 50  # of a curve; a screw or a scale bends over a larger stretch
 MIN_BOTH_SIDES = 2  # targets reached in either direction that show a reversal
+MIN_CURVE_TARGETS = 4  # of which two have neighbours on either side
 MIN_REPEATS = 2  # what is not repeated is no repeatable curve
 PITCHES_PER_OCTAVE = 24
 SAME_COUNTER_UM = 0.5
@@ -166,6 +168,22 @@ class PositioningModel(LinearModel):
             name, sign = OF_ROTARY[effect.id]
             return f"{axis}_{name}", sign
         return (effect.id if axis is None else f"{effect.id}_of_{axis}", 1.0)
+
+    def left_by_places(self, effects: EffectValues) -> Mapping[tuple[str, str], float]:
+        """Standard uncertainty of the scale, if the same axis were measured at other targets.
+
+        What a repeatable curve has of its own at each target may be a wave that is shorter than two
+        of their steps: a line through other targets has another slope.
+        """
+        targets, index = self.data.stops
+        if "curve" not in effects or len(targets) < MIN_CURVE_TARGETS:
+            return {}
+        curve = self.effect("curve").change(Values(effects["curve"]))
+        at = np.zeros(len(targets))
+        at[index] = curve
+        variance = _unlike_neighbours(targets, at)
+        size = (targets - targets.mean()) * (3600.0 if self.data.rotary else 1e3)
+        return {("scale", "ppm"): 1e6 * float(np.sqrt(variance / np.sum(size**2)))}
 
     def extended(
         self,
@@ -353,6 +371,14 @@ def _beside(each: Floats, taken: Floats) -> Floats:
     """
     q = np.linalg.qr(taken)[0]
     return np.asarray(each - (each @ q) @ q.T)
+
+
+def _unlike_neighbours(targets: Floats, values: Floats) -> float:
+    """Variance of what values at targets have of their own, beside a line between neighbours."""
+    before, after = np.diff(targets)[:-1], np.diff(targets)[1:]
+    share = after / (before + after)
+    beside = values[1:-1] - share * values[:-2] - (1.0 - share) * values[2:]
+    return float(np.mean(beside**2 / (1.0 + share**2 + (1.0 - share) ** 2)))
 
 
 def _periodic(data: Positioning, targets: Floats, unit: str) -> Effect:
