@@ -85,8 +85,7 @@ def left_open(
 
 def _by_places(kept: Case, f: Fit) -> Floats:
     """Mean squares that the choice of places leaves open, (p + k, p + k)."""
-    named = {effect.id for effect in kept.effects}  # without structure, which is no effect of these
-    known = kept.model.left_by_places({k: v for k, v in f.effects.items() if k in named})
+    known = kept.model.left_by_places(f.effects)
     return np.diag([*np.zeros(len(f.nuisance)), *(known.get(name, 0.0) ** 2 for name in f.names)])
 
 

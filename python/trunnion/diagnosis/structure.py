@@ -115,6 +115,9 @@ class _ModelWith:
     def jacobian(self, nuisance: Floats, effects: EffectValues) -> Floats:
         return self.inner.jacobian(nuisance, self._without(effects))
 
+    def left_by_places(self, effects: EffectValues) -> Mapping[tuple[str, str], float]:
+        return self.inner.left_by_places(self._without(effects))
+
     def effect_jacobian(
         self, nuisance: Floats, effect: Effect, values: Mapping[str, float]
     ) -> Floats:
