@@ -10,6 +10,7 @@ import numpy as np
 from trunnion.base.units import Floats
 from trunnion.diagnosis.effect import EffectValues, Values
 from trunnion.models.parts import Acts, Change, Part
+from trunnion.models.positioning import PositioningModel
 
 
 class Joint(Protocol):
@@ -64,10 +65,13 @@ def left_by_places(
         squares: dict[str, float] = {}
         for side in filter(None, sides):
             for name in (p.name for p in each[side[0]].effect.parameters):
-                known = [
-                    parts[i].model.left_by_places(own[i]).get((each[i].effect.id, name), 0.0)
-                    for i in side
-                ]
+                known = [_left(parts[i], own[i]).get((each[i].effect.id, name), 0.0) for i in side]
                 squares[name] = squares.get(name, 0.0) + float(np.mean(np.square(known)))
         out |= {(id_, name): float(np.sqrt(x)) for name, x in squares.items() if x > 0}
     return out
+
+
+def _left(part: Part, own: EffectValues) -> Mapping[tuple[str, str], float]:
+    """The same of one measurement: stops alone are at targets that may be others."""
+    model = part.model
+    return model.left_by_targets(own) if isinstance(model, PositioningModel) else {}

@@ -169,7 +169,7 @@ class PositioningModel(LinearModel):
             return f"{axis}_{name}", sign
         return (effect.id if axis is None else f"{effect.id}_of_{axis}", 1.0)
 
-    def left_by_places(self, effects: EffectValues) -> Mapping[tuple[str, str], float]:
+    def left_by_targets(self, effects: EffectValues) -> Mapping[tuple[str, str], float]:
         """Standard uncertainty of the scale, if the same axis were measured at other targets.
 
         What a repeatable curve has of its own at each target may be a wave that is shorter than two
