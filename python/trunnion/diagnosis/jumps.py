@@ -10,7 +10,7 @@ JUMPS = 48  # places of the scan
 NEAR = 24  # places between two of the scan that are tried at a time
 ONE_BETWEEN = 2  # steps of the scan, of which each has one value between
 MAX_PLACES = 384  # places at which a jump is sought beside causes
-AT_HAND = 1 << 21  # numbers of these at once
+MAX_NUMBERS = 1 << 21  # numbers of these at once
 FEW = 8  # of these, that compete with causes: each has its share of the odds
 
 
@@ -51,7 +51,7 @@ def best_between(
 
 def fine_places(distinct: Floats, readings: int) -> Integers:
     """Numbers of so many values that a jump of any place shows at one of them."""
-    return _spread(1, len(distinct) - 1, max(2 * JUMPS, min(MAX_PLACES, AT_HAND // readings)))
+    return _spread(1, len(distinct) - 1, max(2 * JUMPS, min(MAX_PLACES, MAX_NUMBERS // readings)))
 
 
 def _step(distinct: Floats) -> int:

@@ -66,10 +66,15 @@ def without_one(case: Case, effect: Effect, f: Fit) -> tuple[Floats | Spanned, F
 
     Of what the fit leaves and the effect makes.
     """
+    return _beside(case, f, case.columns_of(effect, f), _left_and_made(case, effect, f))
+
+
+def _left_and_made(case: Case, effect: Effect, f: Fit) -> Floats:
+    """What a fit leaves and an effect makes, white (n,)."""
     own, fitted = case.columns_of(effect, f), f.effects[effect.id]
     linear = [i for i, p in enumerate(effect.parameters) if p.linear]
     made = f.jacobian[:, own][:, linear] @ [fitted[effect.parameters[i].name] for i in linear]
-    return _beside(case, f, own, case.white(f.residuals + made))
+    return case.white(f.residuals + made)
 
 
 def other_optima(case: Case, effect: Effect, f: Fit, variance: float) -> dict[str, float]:
@@ -87,8 +92,7 @@ def other_optima(case: Case, effect: Effect, f: Fit, variance: float) -> dict[st
     at = effect.parameters.index(free)
     if not f.jacobian[:, own[at]].any():  # a moment
         return {}
-    y = case.white(f.residuals + f.jacobian[:, own][:, linear] @ fitted[linear])
-    basis, y = _beside_few(case, f, own, y)
+    basis, y = _beside_few(case, f, own, _left_and_made(case, effect, f))
     along = Along.of(case, effect, free, Beside(f.nuisance, basis, y), free.grid)
     found, near = along.at(fitted[[at]])[0], APART * case.std(effect, f, variance)[at]
     squares, weights = np.zeros(len(fitted)), 1.0

@@ -41,10 +41,13 @@ class LeftOpen:
     constant:
         The part of it that is the constant of a smooth curve, or the choice of places: no set of
         causes was compared with it, as such a term is taken to be zero on average.
+    places:
+        The part of that which is the choice of places.
     """
 
     every: Floats
     constant: Floats
+    places: Floats
 
 
 def left_open(
@@ -66,7 +69,7 @@ def left_open(
     """
     none, places = np.zeros_like(f.covariance), _by_places(kept, f)
     if not e.terms or kept.dependent:
-        return LeftOpen(places, places)
+        return LeftOpen(places, places, places)
     d = before.dictionary
     further = terms_one_by_one(d, f.white, f.basis, kept.floor, MAX_FURTHER)[0]
     others = [FormulaEffect.of_term(d.term(number), kept.model) for number, _ in further]
@@ -80,7 +83,7 @@ def left_open(
         moved = np.outer(off, off)
     terms = [first, *(_Term(kept, f, term, variance, absorbed) for term in others)]
     every = moved + np.sum([x.left_open for x in terms], axis=0)
-    return LeftOpen(every + places, first.constant + places)
+    return LeftOpen(every + places, first.constant + places, places)
 
 
 def _by_places(kept: Case, f: Fit) -> Floats:
@@ -93,7 +96,7 @@ def notes_of_open(
     kept: Case, f: Fit, open_: LeftOpen, std: Mapping[str, float], variance: float
 ) -> tuple[str, ...]:
     """Say of which errors and causes what is left open is most of the uncertainty."""
-    squares, own = np.diag(_by_places(kept, f)), np.diag(f.covariance) * variance
+    squares, own = np.diag(open_.places), np.diag(f.covariance) * variance
     worst = [f.names[k - len(f.nuisance)] for k in np.flatnonzero(squares > own)]
     causes = [kept.model.effect(id_) for id_ in dict.fromkeys(id_ for id_, _ in worst)]
     said = tuple(

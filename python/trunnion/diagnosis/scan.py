@@ -367,6 +367,10 @@ class Dictionary:
         """Those of the readings that have a quantity."""
         return self._rows if along.known is None else self._rows[along.known[self._rows]]
 
+    def _distinct(self, along: Covariate) -> Floats:
+        """Different values of a quantity in those readings, ascending."""
+        return np.unique(np.asarray(along.values, dtype=np.float64)[self._acting(along)])
+
     def _jumps(self, of: Term, places: Floats) -> Floats:
         """Columns of a jump at some places, (v, n, 1)."""
         along = self._along(of)
@@ -394,10 +398,8 @@ class Dictionary:
     def place_of_jump(self, term: int, r: Floats, basis: Floats) -> tuple[float, float]:
         """Place between its neighbours where a jump gains most, for residuals (n,); the gain."""
         of = self.term(term)
-        own = np.asarray(self._along(of).values, dtype=np.float64)[self._acting(self._along(of))]
-
         return best_near(
-            np.unique(own),
+            self._distinct(self._along(of)),
             float(str(of.number)),
             lambda places: gains_beside(self._jumps(of, places), basis, r),
         )
@@ -408,7 +410,7 @@ class Dictionary:
         The term of the scan that is nearest, and the place of the jump.
         """
         for x in (x for x in self._said if x.kind == "jump"):
-            own = np.unique(np.asarray(x.covariate.values)[self._acting(x.covariate)])
+            own = self._distinct(x.covariate)
             scanned, some = np.asarray(x.numbers, dtype=np.float64), fine_places(own, len(r))
             for way in range(len(x.ways)):
                 jumps = partial(self._jumps, x.term(way))

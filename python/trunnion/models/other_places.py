@@ -62,16 +62,17 @@ def left_by_places(
             places = [parts[side[0]].model for side in sides if side]
             if len(places) < len(sides) or not places[0].differing(places[1]):
                 continue
-        squares: dict[str, float] = {}
+        square = 0.0
         for side in filter(None, sides):
-            for name in (p.name for p in each[side[0]].effect.parameters):
-                known = [_left(parts[i], own[i]).get((each[i].effect.id, name), 0.0) for i in side]
-                squares[name] = squares.get(name, 0.0) + float(np.mean(np.square(known)))
-        out |= {(id_, name): float(np.sqrt(x)) for name, x in squares.items() if x > 0}
+            square += float(np.mean([_left(parts[i], each[i], own[i]) ** 2 for i in side]))
+        if square > 0:
+            out[id_, "ppm"] = square**0.5
     return out
 
 
-def _left(part: Part, own: EffectValues) -> Mapping[tuple[str, str], float]:
-    """The same of one measurement: stops alone are at targets that may be others."""
+def _left(part: Part, acts: Acts, own: EffectValues) -> float:
+    """The same of an effect in one measurement, ppm: of the scale of stops, and of nothing else."""
     model = part.model
-    return model.left_by_targets(own) if isinstance(model, PositioningModel) else {}
+    if isinstance(model, PositioningModel) and acts.effect.id == "scale":
+        return model.left_by_targets(own)
+    return 0.0

@@ -7,7 +7,7 @@ direction of approach.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
 from typing import Any
@@ -48,7 +48,6 @@ MAX_HARMONIC = 6
 MIN_TARGETS_OF_A_HARMONIC = 4
 MAX_NODES = 50  # of a curve; a screw or a scale bends over a larger stretch
 MIN_BOTH_SIDES = 2  # targets reached in either direction that show a reversal
-MIN_CURVE_TARGETS = 4  # of which two have neighbours on either side
 MIN_REPEATS = 2  # what is not repeated is no repeatable curve
 PITCHES_PER_OCTAVE = 24
 SAME_COUNTER_UM = 0.5
@@ -169,21 +168,19 @@ class PositioningModel(LinearModel):
             return f"{axis}_{name}", sign
         return (effect.id if axis is None else f"{effect.id}_of_{axis}", 1.0)
 
-    def left_by_targets(self, effects: EffectValues) -> Mapping[tuple[str, str], float]:
-        """Standard uncertainty of the scale, if the same axis were measured at other targets.
+    def left_by_targets(self, effects: EffectValues) -> float:
+        """Standard uncertainty (ppm) of the scale, if it were measured at other targets.
 
         What a repeatable curve has of its own at each target may be a wave that is shorter than two
         of their steps: a line through other targets has another slope.
         """
+        if "curve" not in effects:
+            return 0.0
         targets, index = self.data.stops
-        if "curve" not in effects or len(targets) < MIN_CURVE_TARGETS:
-            return {}
-        curve = self.effect("curve").change(Values(effects["curve"]))
         at = np.zeros(len(targets))
-        at[index] = curve
-        variance = _unlike_neighbours(targets, at)
+        at[index] = self.effect("curve").change(Values(effects["curve"]))
         size = (targets - targets.mean()) * (3600.0 if self.data.rotary else 1e3)
-        return {("scale", "ppm"): 1e6 * float(np.sqrt(variance / np.sum(size**2)))}
+        return 1e6 * float(np.sqrt(_unlike_neighbours(targets, at) / np.sum(size**2)))
 
     def extended(
         self,
