@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from trunnion.base.units import ARCSEC, unit_of
+from trunnion.diagnosis.joint_ids import Happened, JointId
 from trunnion.machine.effects import Owner
 
 LENGTH_MM = 300.0  # over which an inclination is stated where no travel is known
@@ -105,11 +106,21 @@ FAMILIES = (
     Family("squareness", r"wrist_squareness", _SQUARENESS),
     Family(
         "scale",
-        r"scale(_.)?|positioning_scale",
+        r"scale(_[a-z])?|positioning_scale",
         "see first how warm scale or screw were (1 K is about 11 ppm of steel); what is left goes "
         "into the error table of the axis in the control.",
         "the axis travels too far",
         "the axis does not travel far enough",
+        "length",
+    ),
+    Family(
+        "scale of all axes",
+        r"scale_[xyz]{2,3}",
+        "all axes alike: see how warm machine, scales and instrument were (1 K is about 11 ppm of "
+        "steel), and compare the length of the instrument or artefact with its certificate; what "
+        "is left goes into the error tables of these axes in the control.",
+        "the axes travel too far",
+        "the axes do not travel far enough",
         "length",
     ),
     Family(
@@ -250,11 +261,44 @@ OWNED = {
     ),
 }
 """By what a cause belongs to, where it is not the machine's."""
+HAPPENED = {
+    Happened.CHANGED: Family(
+        "change",
+        "",
+        "it is another than before: look for what happened to the machine in between (a crash, "
+        "work on it, another temperature); then correct it by its value of now.",
+    ),
+    Happened.ENDED: Family(
+        "end",
+        "",
+        "it is gone: nothing is to be done if it was mended or compensated in between; else look "
+        "for what else changed.",
+    ),
+    Happened.DIFFERS: Family(
+        "contradiction",
+        "",
+        "the measurements contradict each other: compare signs, units, temperatures and "
+        "certificates of the one that differs with the others, measure it again, and correct "
+        "nothing before.",
+    ),
+}
+"""By what happened to a cause in one of several measurements."""
+_OF_AXIS = re.compile(r"(\w+)_of_[abcxyz]")
 
 
 def family_of(id_: str, owner: Owner = Owner.MACHINE) -> Family:
-    """Return the family of a cause."""
-    return OWNED.get(owner) or next((f for f in FAMILIES if re.fullmatch(f.ids, id_)), OTHER)
+    """Return the family of a cause, of one measurement or of several."""
+    if owner in OWNED:
+        return OWNED[owner]
+    of = JointId.of(id_)
+    return _named(of.cause) if of.happened is None else HAPPENED[of.happened]
+
+
+def _named(cause: str) -> Family:
+    """Return the family of an id; of several measurements a cause of one axis has that behind."""
+    of_axis = _OF_AXIS.fullmatch(cause)
+    ids = (cause, of_axis[1]) if of_axis else (cause,)
+    return next((f for i in ids for f in FAMILIES if re.fullmatch(f.ids, i)), OTHER)
 
 
 def meaning(id_: str, parameters: Mapping[str, float], travel_mm: float | None = None) -> str:
@@ -267,19 +311,21 @@ def meaning(id_: str, parameters: Mapping[str, float], travel_mm: float | None =
     travel_mm
         Travel that was measured, where one is known.
     """
-    family = family_of(id_)
+    of = JointId.of(id_)
+    family = _named(of.cause)
     unit = unit_of(next(iter(parameters), ""))
     values = [v for name, v in parameters.items() if unit_of(name) == unit]  # others shape its law
     words = ""
-    if family.plus and len(values) == 1:
-        match = re.fullmatch(family.ids, id_)
+    if family.plus and len(values) == 1 and of.happened is None:
+        match = re.fullmatch(family.ids, of.cause)
         axes = {k: v.upper() for k, v in (match.groupdict() if match else {}).items()}
         words = (family.plus if values[0] > 0 else family.minus).format(**axes)
     ratio = {"ppm": 1e-6, "arcsec": ARCSEC}.get(unit)
     if not family.over or ratio is None:
         return words
     if family.over == "radius":
-        size = float(np.hypot.reduce(values)) * ratio * RADIUS_MM * 1e3
-        return f"{size:.2g} µm at a radius of {RADIUS_MM:g} mm"
+        radial = float(np.hypot.reduce(values)) * ratio * RADIUS_MM * 1e3
+        return f"{radial:.2g} µm at a radius of {RADIUS_MM:g} mm"
     length = travel_mm or LENGTH_MM
-    return f"{words}: {abs(values[0]) * ratio * length * 1e3:.2g} µm over {length:.3g} mm"
+    size = f"{abs(values[0]) * ratio * length * 1e3:.2g} µm over {length:.3g} mm"
+    return f"{words}: {size}" if words else size

@@ -52,7 +52,11 @@ def sentences_of(d: Diagnosis) -> tuple[str, ...]:
         case "unexplained":
             lines = [f"Unexplained: no known cause fits; {d.unexplained}."]
             if said:
-                lines.append(f"Named beside it: {'; '.join(said)}.")
+                lines = [
+                    "Unexplained in part: beside the causes named here, something acts that no "
+                    f"known cause makes; {d.unexplained}.",
+                    f"Named beside it: {'; '.join(said)}.",
+                ]
     if d.unexplained and d.verdict in ("explained", "ambiguous"):
         lines.append(f"Left unexplained: {d.unexplained}.")
     if d.structure is not None:

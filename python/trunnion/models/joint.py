@@ -30,6 +30,7 @@ from trunnion.base.resolution import Grid
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.effect import Effect, EffectValues, Parameter, Values
+from trunnion.diagnosis.joint_ids import Happened, JointId
 from trunnion.diagnosis.model import Covariate, Model, Nuisance, Uncertainty
 from trunnion.diagnosis.of_some import OfSome, Orthonormal
 from trunnion.diagnosis.one_effect import OneEffect
@@ -192,7 +193,7 @@ class JointModel(Model):
             before = earlier[-1]
             for k in sorted(set(self._index[before]) & set(self._index[i])):
                 x = self.nuisance[k]
-                id_ = f"{part.name}:change_{x.name}"
+                id_ = Happened.CHANGED.id(part.name, x.name)
                 self._changes[id_] = Change(i, error=x.name)
                 label = f"change of {x.name} before {part.name}"
                 yield self._effect(id_, (size_of("change", x),), label, x.owner)
@@ -203,11 +204,11 @@ class JointModel(Model):
                 seen = [sum(a.part == j for a in acts) for j in (before, i)]
                 if min(seen) < least or not effect.linear:
                     continue
-                id_ = f"{part.name}:change_{shared.rpartition(':')[2]}"
+                id_ = Happened.CHANGED.id(part.name, JointId.of(shared).cause)
                 self._changes[id_] = Change(i, effect=shared)
                 label = f"change of {effect.label} before {part.name}"
                 yield self._effect(id_, effect.parameters, label, effect.owner)
-                ended = f"{id_}_ended"
+                ended = Happened.ENDED.id(part.name, JointId.of(shared).cause)
                 self._changes[ended] = Change(i, effect=shared, ended=True)
                 label = f"{effect.label}, ended before {part.name}"
                 made_so = self._effect(ended, effect.parameters, label, effect.owner)
@@ -242,7 +243,7 @@ class JointModel(Model):
     ) -> Effect:
         """Candidate that one kind sees an error or an effect otherwise."""
         name = change.error or change.effect
-        id_ = f"{kind}:differs_{name}"
+        id_ = Happened.DIFFERS.id(kind, name)
         self._changes[id_] = change
         self.apart[id_] = kind, name
         return self._effect(id_, parameters, f"{label}, other in {kind}", owner, level=level)

@@ -13,6 +13,7 @@ from trunnion.base.resolution import Floor, Grid, Known
 from trunnion.base.units import Floats, Integers
 from trunnion.data.frame import frame_notes
 from trunnion.data.times import time_notes
+from trunnion.diagnosis.joint_ids import JointId
 from trunnion.diagnosis.left import Left
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.noise import Whitener
@@ -239,7 +240,7 @@ def joined(
     ]
     notes += supposed_alike([one.data for one in measured])
     several = len({part.kind for part in model.parts}) > 1
-    if several and any(":change_" in i or ":differs_" in i for i in found.named):
+    if several and any(JointId.of(i).happened for i in found.named):
         notes.append(IN_ORDER)
     notes += warm_alike(found, model)
     for part, one in zip(model.parts, measured, strict=True):

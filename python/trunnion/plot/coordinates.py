@@ -59,6 +59,10 @@ class Weight:
     like: str = ""
     sense: float = 1.0
 
+    def only(self, readings: Flags) -> Weight:
+        """Return the same for some readings: the amount does not enter the others, (n,)."""
+        return replace(self, enters=np.where(readings, self.enters, 0.0))
+
 
 @dataclass(frozen=True, eq=False)
 class Coordinate:
@@ -157,11 +161,12 @@ def _pairs(
     out = []
     for weight in weights:
         for v in covariates:
+            own = weight if v.known is None else weight.only(v.known)
             cost = weight.cost + _clumsiness(v)
-            out.append((Coordinate(v, weight, None, (), 0.0), cost))
+            out.append((Coordinate(v, own, None, (), 0.0), cost))
             for of, index, names in splits:
                 if not v.classes and of is not v:
-                    by = Coordinate(v, weight, index, names, 0.0)
+                    by = Coordinate(v, own, index, names, 0.0)
                     out.append((by, cost + 10 * (len(names) - 1)))
     return out
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from trunnion.base.errors import InputError
 from trunnion.base.statistics import factor_of
-from trunnion.base.units import Flags, Floats, capital, parameter_words, unit_of
+from trunnion.base.units import Flags, Floats, capital, unit_of
 from trunnion.diagnosis.model import Covariate, Model
 from trunnion.diagnosis.records import NO_CAUSE, Cause, Residuals, labelled, percent, with_unit
 from trunnion.diagnosis.result import Diagnosis
@@ -43,7 +43,7 @@ from trunnion.plot.picture import (
 )
 from trunnion.plot.statistics import NORMAL, correlation_picture, normal_picture, order_picture
 from trunnion.plot.style import SENSES
-from trunnion.setup.names import error_label
+from trunnion.setup.names import error_label, fitted_in_words
 
 COVERAGE = 2.0
 TOUCHED = 0.02  # of the largest change: readings that a cause changes
@@ -128,7 +128,7 @@ class Explained:
         weights = [Weight("deviation of the reading", self.unit, np.ones(len(self.change)))]
         if self.model is not None:
             nuisance = np.array(list(self.d.nuisance_after.values()))
-            labels = {x.name: _words(x.name) for x in self.model.nuisance}
+            labels = {x.name: fitted_in_words(x.name, error_label) for x in self.model.nuisance}
             weights = weights_of(self.model, nuisance, self.unit, labels)
         return coordinate_of(
             self.change, self.record.covariates, weights, self.rows, timed=self._timed
@@ -261,12 +261,14 @@ def touched(d: Diagnosis, id_: str) -> Flags:
 def residual_picture(d: Diagnosis, covariate: Covariate | None = None) -> Picture:
     """Residuals before and after against a covariate: one that `unexplained` names, or the order.
 
-    Outliers are crosses, at the edge where they are further out.
+    Outliers are crosses, at the edge where they are further out. Of several measurements those of
+    the one that has the covariate.
     """
     record = record_of(d)
     v = _named_covariate(d, record) if covariate is None else covariate
     x, names = positions(v)
-    kept = record.kept
+    recorded = np.ones(len(x), dtype=bool) if v.known is None else v.known
+    kept, left_out = record.kept & recorded, ~record.kept & recorded
     most = np.max(np.abs(np.concatenate([record.before[kept], record.after[kept]])), initial=0.0)
     limit = LIMIT * float(most) or 1.0
     shown = [("residual", record.after, BLUE)]
@@ -279,10 +281,10 @@ def residual_picture(d: Diagnosis, covariate: Covariate | None = None) -> Pictur
         points(x[kept], r[kept], name, colour=colour, opacity=0.6, rows=record.rows[kept])
         for name, r, colour in shown
     ]
-    if (~kept).any():
-        edge = np.clip(record.before[~kept], -limit, limit)
-        out = {"colour": MUTED, "marker": "cross", "size": 7.0, "rows": record.rows[~kept]}
-        series.append(points(x[~kept], edge, "left out (at the edge)", **out))
+    if left_out.any():
+        edge = np.clip(record.before[left_out], -limit, limit)
+        out = {"colour": MUTED, "marker": "cross", "size": 7.0, "rows": record.rows[left_out]}
+        series.append(points(x[left_out], edge, "left out (at the edge)", **out))
     title = f"Residuals of the readings: {v.name}"
     if d.unexplained and covariate is None:
         title = f"What the model does not explain: {v.name}"
@@ -368,8 +370,3 @@ def _named_covariate(d: Diagnosis, record: Residuals) -> Covariate:
         return min(named, key=lambda v: text.index(v.name))
     ordered = [v for v in record.covariates if v.sequence]
     return ordered[0] if ordered else record.covariates[0]
-
-
-def _words(name: str) -> str:
-    label = error_label(name)
-    return parameter_words(name) if label == name else label

@@ -18,7 +18,7 @@ from trunnion.diagnosis.result import Diagnosis
 from trunnion.machine.effects import Owner
 from trunnion.plot.diagnosis import MAX_PARAMETERS, Explained, root_of
 from trunnion.reports.results import COVERAGE, largest_of, plain_words
-from trunnion.setup.names import called, error_label
+from trunnion.setup.names import called, error_label, fitted_in_words
 
 SURE = 0.5  # a probability below it is a doubt
 _HARMONIC = re.compile(r"(a|cosine)([xyz]?\d*)(_.+)")
@@ -73,8 +73,7 @@ class Found:
         id_, dot, parameter = name.partition(".")
         known = {c.id: len(c.parameters) for c in self.d.causes}
         if not dot and name not in known and name not in self.d.labels:
-            label = called(name)
-            return parameter_words(name) if label == name else label
+            return fitted_in_words(name)
         alone = not dot or known.get(id_) == 1
         return self.label(id_) if alone else f"{self.label(id_)}, {_in_words(parameter)}"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import replace
+from collections.abc import Sequence
 from typing import Any
 
 from trunnion.base.report import Result, Shown, Table, significant
@@ -35,7 +35,14 @@ from trunnion.reports.hover import hovered
 from trunnion.reports.results import figures_table, location_errors
 from trunnion.reports.source import Source
 from trunnion.reports.space import in_space
-from trunnion.reports.standard import drawn, figures_of, of_errors, standard_results
+from trunnion.reports.standard import (
+    Standard,
+    drawn,
+    figures_of,
+    of_errors,
+    standard_results,
+    titled,
+)
 from trunnion.reports.tables import error_tables
 from trunnion.reports.verdict import verdict_of_diagnosis
 from trunnion.setup.names import called
@@ -68,8 +75,12 @@ def diagnosis_document(result: Result, source: Source) -> Document:
     assert isinstance(result, Diagnosis)
     d, found = result, Found(result)
     errors, decisions = _errors(d, source)
-    standard = [r for one in source.data for r in standard_results(one)]
-    judged = [t for t in (_judged(r, source) for r in standard) if t.rows]
+    standard = [
+        (name, r)
+        for name, one in zip(_names_of(d, source), source.data, strict=True)
+        for r in standard_results(one)
+    ]
+    judged = [titled(t, name) for name, r in standard if (t := _judged(r, source)).rows]
     measured, causes = _measurement(d, source, standard), _pictures(d, source)
     shown = [*(measured[:1] if standard else []), *causes]
     shown = shown[: 2 if errors.rows or judged else 1]
@@ -122,16 +133,24 @@ def diagnosis_document(result: Result, source: Source) -> Document:
 def _in_short(found: Found) -> str:
     """Say in a few words what was found."""
     d = found.d
-    if d.verdict in ("consistent", "unexplained"):
-        return {"consistent": "nothing beyond noise"}.get(d.verdict, "no known cause explains it")
+    if d.verdict == "consistent":
+        return "nothing beyond noise"
+    if d.verdict == "unexplained":
+        named = _count(len(d.causes))
+        return f"{named} found, not all is explained" if d.causes else "no known cause explains it"
     sure, doubt = len(found.certain), len(d.evidence) > 1
     errors = f"{len(found.located)} errors of the machine, " if found.located else ""
-    count = f"{errors}{sure} cause{'' if sure == 1 else 's'}"
+    count = f"{errors}{_count(sure)}"
     if doubt:
         listed = any(c.id not in found.certain for c in d.causes)
         more = "more in doubt" if listed else "perhaps one more"
         return f"{count} certain, {more}" if sure else f"{errors}causes in doubt"
     return f"{count} found" if d.causes else f"{errors}nothing but outliers"
+
+
+def _count(causes: int) -> str:
+    """Say how many causes."""
+    return f"{causes} cause{'' if causes == 1 else 's'}"
 
 
 def _kind(data: DataTable) -> str:
@@ -148,29 +167,27 @@ def _judged(result: Result, source: Source) -> Table:
     return figures_table(result.title(), figures_of(result), source.tolerance)[0]
 
 
-def _measurement(d: Diagnosis, source: Source, standard: list[Result]) -> list[Item]:
+def _names_of(d: Diagnosis, source: Source) -> Sequence[str]:
+    """What each of several measurements is called; '' of a single one."""
+    names: Sequence[str] = getattr(d.model, "measurements", ())
+    return names if len(names) == len(source.data) > 1 else [""] * len(source.data)
+
+
+def _measurement(d: Diagnosis, source: Source, standard: Sequence[Standard]) -> list[Item]:
     """Pictures of the readings as the field draws them."""
-    names = getattr(d.model, "measurements", ())
-    names = names if len(names) == len(source.data) > 1 else [""] * len(source.data)
     own = [
-        _titled(p, name)
-        for name, one in zip(names, source.data, strict=True)
+        titled(p, name)
+        for name, one in zip(_names_of(d, source), source.data, strict=True)
         for p in drawn(one, **_shown_of(d, one))
     ]
-    shown = own or [p for r in standard for p in drawn(r)]
+    shown = own or [titled(p, name) for name, r in standard for p in drawn(r)]
     return [hovered(p, source.data) if isinstance(p, Picture) else p for p in shown[:MAX_PICTURES]]
 
 
-def _titled(item: Item, name: str) -> Item:
-    """Return a picture of one of several measurements with its name in the title."""
-    if not name or not isinstance(item, Picture):
-        return item
-    return replace(item, title=f"{item.title} ({name})")
-
-
-def _figures(standard: list[Result]) -> list[Item]:
+def _figures(standard: Sequence[Standard]) -> list[Item]:
     """What the standard says of the readings."""
-    return [item for r in standard if not figures_of(r) for item in r.tables()]
+    own = [(name, r) for name, r in standard if not figures_of(r)]
+    return [titled(item, name) for name, r in own for item in r.tables()]
 
 
 def _shown_of(d: Diagnosis, data: DataTable) -> dict[str, Any]:

@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import replace
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
 from trunnion.base.errors import DataError
 from trunnion.base.report import Result
+from trunnion.base.report import Table as Shown
 from trunnion.base.units import unit_of
 from trunnion.data.ballbar import Ballbar
 from trunnion.data.iso230_4 import iso230_4
 from trunnion.files.table import Table
 from trunnion.plot.dispatch import pictures
+from trunnion.plot.picture import Picture
 from trunnion.plot.statistics import estimates_picture
 from trunnion.reports.document import Item
 from trunnion.reports.results import Figure
 
+Standard: TypeAlias = tuple[str, Result]
+"""A result of a standard, of the measurement of this name among several; '' of a single one."""
+AnItem = TypeVar("AnItem")
 FIRST = ("accuracy", "systematic", "repeatability", "reversal", "mean_reversal")
 """Figures of ISO 230-2 in the order in which an acceptance asks for them."""
 
@@ -51,6 +57,13 @@ def _rank(figure: Figure) -> tuple[int, bool]:
     """What an acceptance asks for stands first, of both directions before those of one."""
     heads = [k for k, head in enumerate(FIRST) if figure.name.startswith(head)]
     return heads[0] if heads else len(FIRST), "ward_" in figure.name
+
+
+def titled(item: AnItem, name: str) -> AnItem:
+    """Return a picture or table of one of several measurements with its name in the title."""
+    if name and isinstance(item, Picture | Shown):
+        return replace(item, title=f"{item.title} ({name})")
+    return item
 
 
 def drawn(of: Result | Table, **options: Any) -> list[Item]:

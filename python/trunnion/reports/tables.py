@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from trunnion.base.report import Cell, Result, Shown, Table, measured
+from trunnion.base.report import Cell, Shown, Table, measured
 from trunnion.base.units import capital
 from trunnion.data.iso230_2 import Iso2302
 from trunnion.diagnosis.families import family_of
@@ -14,6 +16,7 @@ from trunnion.plot.diagnosis import Explained
 from trunnion.reports.causes import Found
 from trunnion.reports.document import Item
 from trunnion.reports.results import COVERAGE, EXPANDED
+from trunnion.reports.standard import Standard, titled
 
 STEP_DEG = 15.0
 EXACT = 1e-6  # of the largest deviation: it is 0 there by definition
@@ -24,14 +27,16 @@ WHOLE = (
 )
 
 
-def error_tables(found: Found, standard: list[Result]) -> list[Item]:
+def error_tables(found: Found, standard: Sequence[Standard]) -> list[Item]:
     """Return deviations of an axis by position."""
     out: list[Item] = []
     for c in found.d.causes:
         if family_of(c.id).name == "positioning, rotary axis":
             out += _turned(found, c)
     if found.d.causes:
-        out += [item for r in standard if isinstance(r, Iso2302) for item in _stops(r)]
+        stops = [(name, _stops(r)) for name, r in standard if isinstance(r, Iso2302)]
+        out += [titled(table, name) for name, table in stops]
+        out += [WHOLE] if stops else []
     return [*out, OPPOSITE] if out else []
 
 
@@ -56,7 +61,7 @@ def _turned(found: Found, c: Cause) -> list[Item]:
     return [Table.of(capital(found.label(c.id)), heads, rows)]
 
 
-def _stops(r: Iso2302) -> list[Item]:
+def _stops(r: Iso2302) -> Table:
     """Mean deviations of a positioning test at its targets, both directions and their mean."""
     rows = [
         (Shown(t, f"{t:g}"), *(Shown(v, f"{v:+.1f}".replace("-", "−")) for v in (up, down, both)))
@@ -70,4 +75,4 @@ def _stops(r: Iso2302) -> list[Item]:
     ]
     unit, place = ("arcsec", "°") if r.unit_name() == "arcsec" else ("µm", "mm")
     heads = [f"target, {place}", *(f"{s}, {unit}" for s in ("forward ↑", "backward ↓", "mean"))]
-    return [Table.of("Deviations by target", heads, rows), WHOLE]
+    return Table.of("Deviations by target", heads, rows)

@@ -1,11 +1,12 @@
 """Names of errors and effects: one spelling inside, several accepted on input."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 from trunnion.base.arguments import checked
 from trunnion.base.errors import UnknownNameError
+from trunnion.base.units import parameter_words
 
 # EA0C: an error E in direction A..C (tilt) or X..Z (offset), zero for location, of an axis.
 _SPELLING = re.compile(r"(?:E_?|E_\{)([XYZABC])[0O]([A-Z][0-9]?)\}?", re.IGNORECASE)
@@ -147,6 +148,17 @@ def called(name: str) -> str:
         verb = "tilt of the axis about" if match[1] else "offset of the axis along"
         label = f"{verb} {match[2].upper()}"
     return name if label == name else f"{label} ({name})"
+
+
+def fitted_in_words(name: str, say: Callable[[str], str] = called) -> str:
+    """Say what is always fitted: "offset (positioning 2)", of one of several measurements.
+
+    say: Names a location error or a placement, and gives back what it does not know.
+    """
+    measurement, _, own = name.rpartition(":")
+    known = say(own)
+    words = parameter_words(own) if known == own else known
+    return f"{words} ({measurement})" if measurement else words
 
 
 def shared_label(id_: str, label: str) -> str:
