@@ -10,19 +10,19 @@ from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.functions import Functions, Jumps, Places
 from trunnion.diagnosis.jumps import places_of_jumps
 from trunnion.diagnosis.local_errors import local, places_of
-from trunnion.diagnosis.model import Covariate
 from trunnion.diagnosis.quantities import MIN_DISTINCT, Said, straight
 from trunnion.diagnosis.smooth import over_range, polynomials
 from trunnion.diagnosis.waves import (
     WAVES_ON_A_GRID,
     places_apart,
-    shortest_on_grid,
+    step_of_grid,
     waves,
     waves_of,
 )
 
 MAX_CLASSES = 512
 HARMONICS = 6
+MOST_OF_A_TURN = 180  # harmonics, where each angle has several readings
 DEGREE = 4
 MAX_ALIKE = 2  # readings of a value on average: of more, functions are made once for each value
 
@@ -72,13 +72,13 @@ def functions_of(x: Said, has: Flags | None) -> Iterator[tuple[Functions | Jumps
             yield Functions(f if has is None else f * has), terms
 
 
-def _harmonics(v: Covariate, angles: Floats) -> int:
+def _harmonics(angles: Floats, period: float, most: int) -> int:
     """Count of harmonics of a turn: on a grid of angles, down to two of its steps."""
-    most, shortest = min(HARMONICS, len(angles) - 1), shortest_on_grid(v, angles)
-    if v.period is None or not shortest:
-        return most
-    steps = round(2 * v.period / shortest)
-    return max(most, min((steps - 1) // 2, (len(angles) - 1) // 2, WAVES_ON_A_GRID))
+    few, step = min(HARMONICS, len(angles) - 1), step_of_grid(angles)
+    if not step:
+        return few
+    steps = round(period / step)
+    return max(few, min((steps - 1) // 2, (len(angles) - 1) // 2, most))
 
 
 def _functions_at(values: Floats, x: Said) -> Iterator[tuple[Floats | Jumps, Sequence[Some]]]:
@@ -86,7 +86,10 @@ def _functions_at(values: Floats, x: Said) -> Iterator[tuple[Floats | Jumps, Seq
     v, distinct = x.covariate, x.distinct
     if v.period is not None and not x.said:
         turn = 2 * np.pi * values / v.period
-        orders = np.arange(1, _harmonics(v, np.unique(np.round(np.mod(distinct, v.period), 9))) + 1)
+        angles = np.unique(np.round(np.mod(distinct, v.period), 9))
+        # made once for each of few angles, many of them cost little
+        most = MOST_OF_A_TURN if len(values) == len(distinct) else WAVES_ON_A_GRID
+        orders = np.arange(1, _harmonics(angles, v.period, most) + 1)
         yield waves(orders, turn), [Some("harmonic", list(orders), 2)]
     if straight(v, distinct) and not x.said:
         legendre = polynomials(values, distinct, DEGREE).T

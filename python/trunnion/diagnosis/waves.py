@@ -42,14 +42,21 @@ def shortest_on_grid(v: Covariate, distinct: Floats) -> float:
     A shorter wave has the values of a longer one there. What is in the order of measurement is on
     no grid of places: its steps are those of the measurement.
     """
-    if v.sequence or v.classes or len(distinct) < 2:
+    if v.sequence or v.classes:
+        return 0.0
+    step = step_of_grid(distinct)
+    few = step > 0.0 and float(distinct[-1] - distinct[0]) < (2 * WAVES_ON_A_GRID + 0.5) * step
+    return 2 * step if few else 0.0
+
+
+def step_of_grid(distinct: Floats) -> float:
+    """Step of the grid that values are on, sorted; 0: on none."""
+    if len(distinct) < 2:
         return 0.0
     off = distinct - distinct[0]
     number = np.rint(off / np.diff(distinct).min())
     step = float(off[-1] / number[-1])
-    if number[-1] > 2 * WAVES_ON_A_GRID or np.any(np.abs(off - number * step) > OFF_GRID * step):
-        return 0.0
-    return 2 * step
+    return 0.0 if np.any(np.abs(off - number * step) > OFF_GRID * step) else step
 
 
 def waves(rates: Floats | Integers, x: Floats) -> Floats:

@@ -21,7 +21,9 @@ MOTION_UNIT = np.array([1e-3, 1e-3, 1e-3, ARCSEC, ARCSEC, ARCSEC])  # to mm and 
 MAX_HARMONIC = 8
 SAME_POSITION_DEG = 0.5
 MAX_DEGREE = 4
-MAX_PERIODS = 120
+MAX_PERIODS = 120  # evenly in frequency
+MAX_TEETH = 360  # of a wheel, of which a period is sought
+SAME_STEP = 0.2  # of the large steps, up to which positions are the same
 PIVOTS = 25  # within the range of the targets' heights beyond them
 FAR_PIVOTS = 6  # beyond these, on either side
 MAX_PIVOT = 5.0  # times that range beyond the targets, that the pivot of a tilt may be
@@ -273,16 +275,27 @@ def _drift(conditions: Conditions, _: Floats) -> Floats:
 
 
 def periods(positions: Floats) -> tuple[float, ...]:
-    """Periods to try, deg, longest first: a third of the range to two steps, evenly in frequency.
+    """Periods to try, deg, longest first: a third of the range to two steps.
 
-    A period below two steps of an even sweep looks like a longer one, and is named as that.
+    The longest evenly in frequency; shorter ones are whole parts of a turn, as of the teeth of a
+    wheel. A period below two steps of an even sweep looks like a longer one, and is named as that.
     """
     if len(positions) < 8:
         return ()
     span = float(positions[-1] - positions[0])
-    shortest = 2.0 * float(np.median(np.diff(positions)))
+    shortest = 2.0 * _step(positions)
     step = 1.0 / (4.0 * span)
     count = int((1.0 / shortest - 3.0 / span) / step) + 1
     if count < 2:
         return ()
-    return tuple(1.0 / (3.0 / span + step * np.arange(min(count, MAX_PERIODS))))
+    rates = 3.0 / span + step * np.arange(min(count, MAX_PERIODS))
+    first, last = (int(np.floor(360.0 * rate)) for rate in (rates[-1], 1.0 / shortest))
+    teeth = np.arange(first + 1, min(last, MAX_TEETH) + 1)
+    return tuple((1.0 / np.concatenate([rates, teeth / 360.0])).tolist())
+
+
+def _step(positions: Floats) -> float:
+    """Usual step of positions; those that differ by a part of it are one, read anew."""
+    steps = np.diff(positions)
+    apart = steps > SAME_STEP * np.quantile(steps, 0.9)
+    return float(positions[-1] - positions[0]) / max(int(apart.sum()), 1)
