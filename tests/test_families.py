@@ -23,6 +23,7 @@ def test_every_effect_of_every_catalogue_has_an_advice() -> None:
         for e in tn.catalogue(kind.name)
     ]
     listed += [("diameters", name, Owner.MACHINE) for name in CAUSES]
+    listed += [("several measurements", "scale_xyz", Owner.MACHINE)]
     assert len(listed) > 200
     assert [one for one in listed if family_of(one[1], one[2]) is OTHER] == []
     used = {id(family_of(name, owner)) for _, name, owner in listed}

@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 import trunnion as tn
+from power.pairs import touches
+from power.study import ground
 from promise import kept, needed_runs
 from rotary_test_twin import Hidden, ball_less_tool, conditions, drawn_test
 from trunnion.base.units import Floats
@@ -318,3 +320,47 @@ def test_an_error_of_a_place_is_said_of_it_and_is_no_outlier(shape: str, seed: i
     assert found.shape == {"dent": "local", "wave": "wave"}[shape]
     name, true = {"dent": ("place_mm", 30.0), "wave": ("period_mm", 47.0)}[shape]
     assert d.structure.parameters[name] == pytest.approx(true, abs=2.0)
+
+
+OFFSET = np.array([8.0, -5.0, 12.0])  # of the tool's point, µm
+
+
+def moved_tool(errors: Mapping[str, float], seed: int) -> tn.RotaryTest:
+    """An R-test whose tool's point is beside where the control has it: readings less that."""
+    return readings(twin_displacement(r_test(), {}, errors) - OFFSET, r_test(), 0.4, seed)
+
+
+def test_the_offset_of_the_tool_alone_is_errors_of_location() -> None:
+    d = tn.diagnose(moved_tool(ERRORS, 5), SETUP)
+    assert d.verdict == "consistent"
+    assert "would shift EX0C" in d.not_identifiable["tool_offset"]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_offset_of_the_tool_is_found_beside_touches(seed: int) -> None:
+    """It was pre-travel of the probe and a warm-up within seconds, with errors of location."""
+    setup = ground("paper")[3]
+    touched = touches(np.random.default_rng([66, seed]), {}, "paper", **ERRORS)
+    d = tn.diagnose([touched, moved_tool(ERRORS, seed)], setup)
+    (cause,) = (c for c in d.causes if c.probability > 0.9)
+    assert cause.id == "rotarytest:tool_offset"
+    for name, true in zip(("dx_um", "dy_um", "dz_um"), OFFSET, strict=True):
+        assert abs(cause[name] - true) < 4 * cause.std_errors[name]
+    for name, true in ERRORS.items():
+        assert abs(d.errors_after[name] - true) < 4 * d.errors_std[name]
+
+
+def test_the_offset_of_the_tool_is_simulated_as_it_is_named() -> None:
+    named = dict(zip(("dx_um", "dy_um", "dz_um"), OFFSET.tolist(), strict=True))
+    by_id = tn.simulate_rotary_test(r_test(), SETUP, BALL, effects={"tool_offset": named})
+    given = tn.simulate_rotary_test(r_test(), SETUP, BALL, tool_offset_um=OFFSET)
+    assert np.array_equal(np.asarray(by_id.dx_um), np.asarray(given.dx_um))
+    assert np.array_equal(np.asarray(by_id.dz_um), np.asarray(given.dz_um))
+
+
+def test_a_warm_up_takes_minutes() -> None:
+    """What is at its end within seconds is a step, of which a warm-up is no likely cause."""
+    for effect in model_of(moved_tool({}, 1), SETUP).effects:
+        if effect.id.startswith("warmup"):
+            (tau,) = (p for p in effect.parameters if p.grid)
+            assert min(tau.grid) >= 1.0

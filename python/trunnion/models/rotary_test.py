@@ -40,6 +40,8 @@ from trunnion.models.ballbar.model import MIN_REACH
 from trunnion.models.rotary.motions import MIN_OF_A_SENSE, periods
 from trunnion.models.warming import warmup
 from trunnion.probing.rotary_readings import (
+    OFFSETS,
+    TOOL,
     RotaryReadings,
     RotaryTestSettings,
     machine_effects,
@@ -241,7 +243,7 @@ class _Catalogue:
             self._bar = apart / np.linalg.norm(apart, axis=1, keepdims=True)
 
     def effects(self) -> list[Effect]:
-        """Those of the machine as on touches, cyclic errors, drift, the length of the bar."""
+        """Those of the machine as on touches, cyclic errors, drift, bar and tool's point."""
         chain, data = self._known.chain, self._data
         made = [self._of_machine(info) for info in machine_effects(chain).values()]
         for number, letter in enumerate((*AXES, *chain.letters)):
@@ -250,7 +252,15 @@ class _Catalogue:
             made += self._of_time(data.time_s - np.min(data.time_s))
         if self._bar is not None and self._known.bar_is_known:
             made.append(ballbar_length(len(data)))
+        if self._known.tool_is_known:
+            made.append(self._of_tool())
         return made
+
+    def _of_tool(self) -> Effect:
+        """Set-up of the tool's point: its errors are those of both axes together, alone."""
+        columns = np.column_stack([self.enters(-row) for row in np.eye(3)])
+        label = "offset of the tool's point from where the control has it"
+        return linear(TOOL, OFFSETS, columns, label, owner=Owner.INSTRUMENT)
 
     def _of_time(self, seconds: Floats) -> Iterator[Effect]:
         """Drift and warm-up along X, Y, Z."""

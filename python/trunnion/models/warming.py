@@ -13,6 +13,8 @@ from trunnion.diagnosis.effect import Effect, Parameter, gridded
 
 DURATIONS = 10
 """Time constants tried, from a twentieth of the measurement to half more than all of it."""
+SHORTEST_MIN = 1.0
+"""Of a part of a machine. What is at its end within seconds is no warm-up, but a step."""
 
 
 def warmup(
@@ -25,7 +27,9 @@ def warmup(
     enters: Change of each reading per unit of each size, (n,) or (n, k).
     """
     length = float(np.max(minutes))
-    tau = Parameter("tau_min", "min", tuple(np.geomspace(length / 20, 1.5 * length, DURATIONS)))
+    longest = 1.5 * length
+    shortest = min(max(length / 20, SHORTEST_MIN), longest / 2)
+    tau = Parameter("tau_min", "min", tuple(np.geomspace(shortest, longest, DURATIONS)))
     names = [sizes] if isinstance(sizes, str) else sizes
     shape = _Warming(minutes, enters.reshape(len(minutes), len(names)))
     return gridded(id_, [*map(Parameter, names), tau], shape, label, **more)

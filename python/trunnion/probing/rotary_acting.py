@@ -13,7 +13,7 @@ from trunnion.base.units import Floats
 from trunnion.data.rotary_test import RotaryTest
 from trunnion.machine.chain import Chain
 from trunnion.machine.effects import senses
-from trunnion.probing.rotary_readings import commanded, machine_effects
+from trunnion.probing.rotary_readings import OFFSETS, TOOL, commanded, machine_effects
 
 AXES = "XYZ"
 SENSE_PLACES = 4
@@ -55,6 +55,7 @@ class Acting:
             **{name: [unit] for name, (_, unit) in lost.items()},
             **{f"drift_{x}": ["rate_um_h"] for x in AXES.lower()},
             **{f"warmup_{x}": ["amplitude_um", "tau_min"] for x in AXES.lower()},
+            TOOL: list(OFFSETS),
         }
         for name, given in effects.items():
             parameters = known[choose("effect", name, known)]
@@ -68,6 +69,8 @@ class Acting:
                 at, unit = lost[name]
                 size = values[0] * (1e-3 if unit == "b_um" else 1 / 3600)
                 behind[:, at] += 0.5 * size * senses(np.round(axes[:, at], SENSE_PLACES))
+            elif name == TOOL:
+                moved += values
             else:
                 with entry(name):
                     moved[:, AXES.lower().index(name[-1])] += _with_time(name, values, plan)
