@@ -1,7 +1,7 @@
 """Functions of one covariate of which unexplained structure may consist, and their terms."""
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -27,20 +27,41 @@ DEGREE = 4
 MAX_ALIKE = 2  # readings of a value on average: of more, functions are made once for each value
 
 
-def at_few_places(x: Said) -> Integers:
-    """Ways by which readings are disturbed at too few values to show a wave or a local error."""
-    if x.covariate.sequence or x.covariate.classes:
-        return np.zeros(0, dtype=np.intp)
-    counts = [places_apart(x.values[enters != 0.0]) for enters in x.enter.values()]
-    return np.flatnonzero(np.array(counts) < MIN_DISTINCT)
-
-
 class Some(NamedTuple):
     """Terms of one kind, by their numbers (m,), and the functions of each."""
 
     kind: str
     numbers: Sequence[object]
     width: int = 1
+
+
+class Shown:
+    """Which terms the readings show, of those that enter by each way."""
+
+    def __init__(self, x: Said, ways: Sequence[str]) -> None:
+        """Find what values the readings of each way have."""
+        v = x.covariate
+        self._places = not (v.sequence or v.classes)
+        self._turns = v.period is not None
+        own = [x.values[x.enter[way] != 0.0] for way in ways] if self._places else []
+        self._few = np.array([places_apart(values) < MIN_DISTINCT for values in own])
+        self._ends = [(values.min(initial=np.inf), values.max(initial=-np.inf)) for values in own]
+
+    def hidden(self, some: Some) -> Integers:
+        """Those not shown, counted by number, then way.
+
+        Waves and local errors at too few values, and local errors where no reading is.
+        """
+        if not self._places or some.kind not in ("wave", "local"):
+            return np.zeros(0, dtype=np.intp)
+        out = np.tile(self._few, (len(some.numbers), 1))
+        if some.kind == "local" and not self._turns:
+            at = np.array(
+                [place for place, _ in cast("Sequence[tuple[float, float]]", some.numbers)]
+            )
+            low, high = np.array(self._ends).T
+            out |= (at[:, None] < low) | (at[:, None] > high)
+        return np.flatnonzero(out)
 
 
 def functions_of(x: Said, has: Flags | None) -> Iterator[tuple[Functions | Jumps, Sequence[Some]]]:

@@ -20,7 +20,7 @@ from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.columns import ROUNDING, storage
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.functions import DEPENDENT, Made, Part
-from trunnion.diagnosis.functions_of import at_few_places, functions_of
+from trunnion.diagnosis.functions_of import Shown, functions_of
 from trunnion.diagnosis.gains import gains_beside
 from trunnion.diagnosis.jumps import best_between, best_near, fine_places, near
 from trunnion.diagnosis.local_errors import BESIDE_PLACE, TIMES_WIDTH, local
@@ -128,7 +128,7 @@ class Dictionary:
         self._begin(model, rows, whiten)
         if known is not None and known._serves(model, rows, whiten):
             self._said, self.count, self.quantities = known._said, known.count, known.quantities
-            self._at_few = known._at_few
+            self._hidden = known._hidden
             for made in known._made:
                 self._keep(made)
         else:
@@ -164,7 +164,7 @@ class Dictionary:
                 v = new._covariates[place[said.covariate.name]]
                 new._said.append(replace(said, first=new.count + said.first, covariate=v))
             new._parts += [part.among(new.count, at.start) for part in own._parts]
-            new._at_few = np.concatenate([new._at_few, new.count + own._at_few])
+            new._hidden = np.concatenate([new._hidden, new.count + own._hidden])
             new.count += own.count
         return new
 
@@ -182,7 +182,7 @@ class Dictionary:
         self._covariates = tuple(model.covariates)
         self._beside: tuple[Floats, list[list[Floats]]] | None = None
         self._known: dict[int, tuple[Fit, Floats, Integers]] = {}
-        self._at_few = np.zeros(0, dtype=np.intp)
+        self._hidden = np.zeros(0, dtype=np.intp)
 
     count = 0
     quantities: Sequence[Said] | None = None
@@ -191,7 +191,7 @@ class Dictionary:
     _by_ways: dict[tuple[int, int], Part]
     _made: list[Made]  # of which these parts consist
     _numbers = 0  # of all functions that are kept
-    _at_few: Integers  # waves and local errors of which the readings have too few places
+    _hidden: Integers  # waves and local errors that the readings do not show
 
     @property
     def terms(self) -> list[Term]:
@@ -239,19 +239,17 @@ class Dictionary:
         for x in self.quantities or every:
             v = x.covariate
             has = None if v.known is None else v.known[self._rows[x.some]]
-            few = at_few_places(x)
+            ways = list(x.enter)[:1] if v.classes else list(x.enter)
+            shown = Shown(x, ways)
             for functions, terms in functions_of(x, has):
                 if not len(functions):
                     continue
-                ways = list(x.enter)[:1] if v.classes else list(x.enter)
                 first = {}
                 for some in terms:
                     self._said.append(_Terms(self.count, v, some.kind, some.numbers, ways))
                     first[some.width] = self.count
-                    if some.kind in ("wave", "local"):
-                        every_way = np.arange(len(some.numbers)) * len(ways) + self.count
-                        own = np.add.outer(few, every_way).reshape(-1)
-                        self._at_few = np.concatenate([self._at_few, own])
+                    own = self.count + shown.hidden(some)
+                    self._hidden = np.concatenate([self._hidden, own])
                     self.count += len(self._said[-1])
                 enter = tuple(x.enter[way] for way in ways)
                 self._keep(Made(functions, first, enter, x.some))
@@ -315,7 +313,7 @@ class Dictionary:
         for part, taken in zip(self._parts, self._beside[1], strict=True):
             for x, t, z in zip(part.wide, taken, part.products(several), strict=True):
                 gain[x.numbers], rank[x.numbers] = x.gains(t, z)
-        gain[self._at_few], rank[self._at_few] = 0.0, 0
+        gain[self._hidden], rank[self._hidden] = 0.0, 0
         return gain.reshape((-1, *r.shape[1:])), rank
 
     def block(self, term: int) -> Floats:

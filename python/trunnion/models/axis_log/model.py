@@ -372,13 +372,14 @@ class AxisLogModel(Model):
         for run in self.runs:
             time[run.rows] -= time[run.rows][0]
         position, speed, acceleration = (self._kinematic(order) for order in range(3))
+        unit = " or ".join(dict.fromkeys(Units.of(x).large for x in self.axes))
         out = [
             Covariate("axis", blocks.channel_of, classes=True),
             Covariate("time", blocks.mean_everywhere(time), "s", sequence=True),
-            Covariate("commanded speed of the axis", speed, "mm or deg/s"),
-            Covariate("commanded acceleration of the axis", acceleration, "mm or deg/s²"),
+            Covariate("commanded speed of the axis", speed, f"{unit}/s"),
+            Covariate("commanded acceleration of the axis", acceleration, f"{unit}/s²"),
             Covariate("sense of travel", np.sign(speed), classes=True, words=SENSES),
-            Covariate("position of the axis", position, "mm or deg"),
+            Covariate("position of the axis", position, unit),
         ]
         if len(self.runs) > 1:
             names = (self._label(run).removeprefix("_") for run in self.runs)
