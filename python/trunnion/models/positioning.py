@@ -260,16 +260,17 @@ IDS = (
 
 
 def _covariates(data: Positioning) -> tuple[Covariate, ...]:
+    """Quantities along which stops may be off; along the time they may wander as no cause does."""
     where = Covariate("target position", data.target, "deg" if data.rotary else "mm")
     sense = Covariate(
         "direction of approach", np.asarray(data.direction), classes=True, words=APPROACH
     )
     out = [where, sense]
-    row, back = np.arange(len(data)), len(np.unique(data.cycle)) > 1
+    row = np.arange(len(data))
     if data.time_s is not None:
         time = np.asarray(data.time_s)
-        out.append(Covariate("time", time, "s", sequence=True, comes_back=back))
-    out.append(Covariate("order of measurement", row, sequence=True, comes_back=back))
+        out.append(Covariate("time", time, "s", sequence=True))
+    out.append(Covariate("order of measurement", row, sequence=True))
     if data.temperature_c is not None:
         out.append(Covariate("temperature", np.asarray(data.temperature_c), "°C"))
     return tuple(out)
