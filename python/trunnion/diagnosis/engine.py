@@ -41,6 +41,7 @@ from trunnion.diagnosis.cross_validation import better
 from trunnion.diagnosis.explain import LINEAR_ERROR, best_score, exactly, explain
 from trunnion.diagnosis.explanation import Explanation
 from trunnion.diagnosis.fit import Fit, fit
+from trunnion.diagnosis.in_turn import price as price_of_wander
 from trunnion.diagnosis.left import MAX_NONLINEAR, Left, left_of, left_one_by_one
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.plain import case_of, plain_fit, whitened
@@ -147,7 +148,8 @@ def _explained(case: Case) -> tuple[Case, Explanation, Integers]:
 def _with_correlation(case: Case, choice: Choice) -> tuple[Case, Choice]:
     """Explain with what neighbouring readings share, where what is left of them is alike.
 
-    It is judged beside the causes found, and these beside it, until neither changes.
+    It is judged beside the causes found, and these beside it, until neither changes. Noise of all
+    readings is kept where they are likelier by it.
     """
     best, at = (case, choice), case
     for _ in range(MAX_ROUNDS if case.whiten is identity else 0):
@@ -167,6 +169,8 @@ def _with_correlation(case: Case, choice: Choice) -> tuple[Case, Choice]:
         # Without causes the plain model is compared with itself, by the same weights.
         causes = bool(choice[1].fit.effects) and not len(choice[2])
         at.given = case.given or (case.plain if causes else None)
+        if whiten.parameters:
+            return min(best, (at, choice), key=lambda one: _likelihood(*one))
         if choice[1].fit.effects.keys() == before:
             break
     return at, choice
@@ -212,7 +216,8 @@ def _likelihood(case: Case, choice: Choice) -> float:
     n = len(case.rows)
     used = np.flatnonzero(kept_rows(n, bad))
     score = float(case.floor.deviance(found.rss, case.plain.dof)) + found.penalty
-    return score + out.outlier_penalty(n) * _choices(case, bad) + price(case, used)
+    weights = price(case, used) + price_of_wander(case.without(bad))
+    return score + out.outlier_penalty(n) * _choices(case, bad) + weights
 
 
 def _ordinary(case: Case) -> tuple[Case, Choice | None, bool]:

@@ -128,8 +128,8 @@ class Covariate:
         Which readings have the quantity, shape (n,): nothing in the others depends on it. None:
         all have it.
     comes_back:
-        The same places come again and again along it, so that a function of these may be a smooth
-        one of it, too: smooth functions of it compete with no cause.
+        The same places come again along it, so that a function of these may be a smooth one of it,
+        too: of smooth functions of it only what does not repeat competes with causes.
     readings:
         First and end of those of the measurement that it is recorded in, of several; None: there
         is one.

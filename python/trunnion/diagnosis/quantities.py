@@ -31,12 +31,11 @@ def smooth_functions(
     """Polynomials of quantities that an error of some rows may be a smooth function of, (n, m).
 
     0 in other rows. Each times each component; of a measurement none if more than ``most``. No
-    angle that comes round, nor what goes with one. ``competing``: only those that may compete with
-    causes. ``known``: what all covariates say of these rows, where that was asked before.
+    angle that comes round, nor what goes with one. ``competing``: of those only what may compete
+    with causes. ``known``: what all covariates say of these rows, where that was asked before.
     """
-    sought = tuple(v for v in model.covariates if not (competing and v.comes_back))
-    if known is None or len(sought) < len(model.covariates):
-        known = saying(sought, model.components, rows)
+    if known is None:
+        known = saying(model.covariates, model.components, rows)
     every = [x for x in known if len(x.distinct) >= MIN_DISTINCT and not x.said]
     turns = [x for x in every if not straight(x.covariate, x.distinct)]
     smooth = [
@@ -57,8 +56,26 @@ def smooth_functions(
         for c in x.enter.values():
             full = np.zeros((len(model.readings), functions.shape[1]))
             full[rows[x.some]] = functions * c[:, None]
-            found[x.some.start].append(full)
+            if competing and x.covariate.comes_back:
+                full = _not_repeated(model, rows, full)
+            if full.any():
+                found[x.some.start].append(full)
     return [f for own in found.values() for f in own]
+
+
+def _not_repeated(model: Model, rows: Integers, columns: Floats) -> Floats:
+    """Columns (n, m) of some rows less their means over repeats; nothing where none is repeated."""
+    out = np.zeros_like(columns)
+    if model.replicates is None:
+        return out
+    labels = model.replicates[rows]
+    repeated = rows[labels >= 0]
+    label = np.unique(labels[labels >= 0], return_inverse=True)[1]
+    mean = np.zeros((int(label.max(initial=-1)) + 1, columns.shape[1]))
+    np.add.at(mean, label, columns[repeated])
+    mean /= np.bincount(label)[:, None]
+    out[repeated] = columns[repeated] - mean[label]
+    return out
 
 
 class Said(NamedTuple):

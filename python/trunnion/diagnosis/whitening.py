@@ -143,11 +143,15 @@ class Correlated(Coloured):
         Group of each reading for cross-validation, shape (n,).
     cause:
         Id of an effect without a name that was found and makes them; empty: none was.
+    parameters:
+        Of this noise, where it is that of all readings and competes with white noise; 0: of
+        combinations only, and it is there.
     """
 
     note: str
     groups: Integers
     cause: str = ""
+    parameters: int = 0
 
     def shared(self, residuals: Floats) -> Floats:
         """Return what is expected to be theirs in residuals, shape (n,)."""
