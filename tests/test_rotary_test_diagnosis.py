@@ -364,3 +364,30 @@ def test_a_warm_up_takes_minutes() -> None:
         if effect.id.startswith("warmup"):
             (tau,) = (p for p in effect.parameters if p.grid)
             assert min(tau.grid) >= 1.0
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("cause", ["sensor_turn", "sensor_gain"])
+def test_sensors_that_are_turned_or_read_too_much_are_the_instruments(
+    cause: str, seed: int
+) -> None:
+    """They were errors of location, off by up to 28 standard errors, and a scale."""
+    made = twin_displacement(r_test(), {}, ERRORS)
+    turn = np.radians(1.5)
+    read = {
+        "sensor_turn": made
+        @ [[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]],
+        "sensor_gain": made * [1.0, 1.0, 0.97],
+    }[cause]
+    d = tn.diagnose(readings(read, r_test(), 0.2, seed), SETUP)
+    (named,) = (c for c in d.causes if c.probability > 0.9)
+    assert named.id == cause
+    assert str(d.model.owners[cause]) == "instrument"
+    name, true = {"sensor_turn": ("rz_deg", 1.5), "sensor_gain": ("kz_percent", -3.0)}[cause]
+    assert abs(named[name] - true) < 4 * named.std_errors[name]
+    for error, value in ERRORS.items():
+        assert abs(d.errors_after[error] - value) < 4 * d.errors_std[error]
+    other = tn.simulate_rotary_test(
+        r_test(), SETUP, BALL, ERRORS, effects={cause: {name: true}}, noise_um=0.2, seed=seed
+    )
+    assert cause in {c.id for c in tn.diagnose(other, SETUP).causes}

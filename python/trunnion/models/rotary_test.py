@@ -39,6 +39,7 @@ from trunnion.models.ballbar.effects import ballbar_length
 from trunnion.models.ballbar.model import MIN_REACH
 from trunnion.models.rotary.motions import MIN_OF_A_SENSE, periods
 from trunnion.models.warming import warmup
+from trunnion.probing.rotary_acting import SENSORS, sensors_of
 from trunnion.probing.rotary_readings import (
     OFFSETS,
     TOOL,
@@ -113,7 +114,10 @@ class RotaryTestModel(Model):
         )
         self._at = [(self.start, at_start[:, self._fitted])]
         self._given = tuple(effects)
-        self._catalogue = _Catalogue(self._known)
+        fitted = at_start @ np.linalg.lstsq(at_start, self.readings.values, rcond=None)[0]
+        self._catalogue = _Catalogue(
+            self._known, (self._reference + fitted).reshape(measured.shape)
+        )
         found = self._catalogue.effects()
         known = self._known.chain.effects
         self.effects = with_own(found, effects, data, known=known)
@@ -227,8 +231,10 @@ class RotaryTestModel(Model):
 class _Catalogue:
     """Candidate causes of these readings, on the machine of the set-up."""
 
-    def __init__(self, known: RotaryReadings) -> None:
+    def __init__(self, known: RotaryReadings, fitted_um: Floats) -> None:
+        """``fitted_um``: readings as location errors alone explain them, (n, 3) or (n, 1)."""
         self._known = known
+        self._fitted_um = fitted_um
         self._data = known.data
         chain = known.chain
         self._errors = chain.named_errors(None)
@@ -254,6 +260,8 @@ class _Catalogue:
             made.append(ballbar_length(len(data)))
         if self._known.tool_is_known:
             made.append(self._of_tool())
+        if self._bar is None:
+            made += self._of_sensors()
         return made
 
     def _of_tool(self) -> Effect:
@@ -261,6 +269,18 @@ class _Catalogue:
         columns = np.column_stack([self.enters(-row) for row in np.eye(3)])
         label = "offset of the tool's point from where the control has it"
         return linear(TOOL, OFFSETS, columns, label, owner=Owner.INSTRUMENT)
+
+    def _of_sensors(self) -> Iterator[Effect]:
+        """Turn against the machine's axes and gain.
+
+        Of what location errors make of the readings: of readings themselves each is its own gain.
+        """
+        ways = np.eye(3)
+        for name, (parameters, label) in SENSORS.items():
+            made = [sensors_of(name, one) - ways for one in np.eye(len(parameters))]
+            columns = [(self._fitted_um @ matrix.T).reshape(-1) for matrix in made]
+            found = np.column_stack(columns)
+            yield linear(name, parameters, found, label, owner=Owner.INSTRUMENT)
 
     def _of_time(self, seconds: Floats) -> Iterator[Effect]:
         """Drift and warm-up along X, Y, Z."""

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from trunnion.base.checks import choose, entry, numbers, positive
 from trunnion.base.errors import InputError
@@ -16,6 +17,11 @@ from trunnion.machine.effects import senses
 from trunnion.probing.rotary_readings import OFFSETS, TOOL, commanded, machine_effects
 
 AXES = "XYZ"
+SENSORS = {
+    "sensor_turn": (("rx_deg", "ry_deg", "rz_deg"), "turn of the sensors against X, Y, Z"),
+    "sensor_gain": (("ky_percent", "kz_percent"), "gain of the sensors Y and Z beside that of X"),
+}
+"""Errors of an R-test's instrument by id: parameters, label."""
 SENSE_PLACES = 4
 """Of millimetres and degrees: an axis that moves by less does not move."""
 
@@ -33,11 +39,14 @@ class Acting:
         (n, 3 + rotary axes).
     moved_um
         How far the tool's point has moved from the ball, machine's directions, (n, 3).
+    sensors
+        What makes of a displacement what an R-test reads, (3, 3).
     """
 
     machine: tuple[tuple[str, tuple[float, ...]], ...]
     behind: Floats
     moved_um: Floats
+    sensors: Floats
 
     @classmethod
     def of(
@@ -49,6 +58,7 @@ class Acting:
         """
         axes = commanded(chain, plan)
         machine, behind, moved = [], np.zeros(axes.shape), np.zeros((len(plan), 3))
+        sensors = np.eye(3)
         of_machine, lost = machine_effects(chain), _backlash(chain)
         known = {
             **{name: [p.name for p in info.parameters] for name, info in of_machine.items()},
@@ -56,6 +66,7 @@ class Acting:
             **{f"drift_{x}": ["rate_um_h"] for x in AXES.lower()},
             **{f"warmup_{x}": ["amplitude_um", "tau_min"] for x in AXES.lower()},
             TOOL: list(OFFSETS),
+            **{name: list(parameters) for name, (parameters, _) in SENSORS.items()},
         }
         for name, given in effects.items():
             parameters = known[choose("effect", name, known)]
@@ -71,10 +82,24 @@ class Acting:
                 behind[:, at] += 0.5 * size * senses(np.round(axes[:, at], SENSE_PLACES))
             elif name == TOOL:
                 moved += values
+            elif name in SENSORS:
+                sensors = sensors_of(name, values) @ sensors
             else:
                 with entry(name):
                     moved[:, AXES.lower().index(name[-1])] += _with_time(name, values, plan)
-        return cls(tuple(machine), behind, moved)
+        return cls(tuple(machine), behind, moved, sensors)
+
+
+def sensors_of(name: str, values: ArrayLike) -> Floats:
+    """What an error of `SENSORS` makes of a displacement, (3, 3).
+
+    values: Of its parameters, degrees or percent. A gain of all three is one of all errors.
+    """
+    if name == "sensor_gain":
+        y, z = 1e-2 * np.asarray(values, dtype=np.float64)
+        return np.asarray(np.diag([1.0, 1.0 + y, 1.0 + z]))
+    x, y, z = np.radians(np.asarray(values, dtype=np.float64))
+    return np.array([[1.0, -z, y], [z, 1.0, -x], [-y, x, 1.0]])
 
 
 def _backlash(chain: Chain) -> dict[str, tuple[int, str]]:

@@ -174,7 +174,8 @@ def simulate_rotary_test(
     effects
         Id to parameter to value: effects of the machine as on touches, its backlash
         (``backlash_x``, ``c_backlash``, by the order of the readings), and with `time_s` in the
-        plan ``drift_x`` and ``warmup_x`` (and y, z) between tool and ball.
+        plan ``drift_x`` and ``warmup_x`` (and y, z) between tool and ball; of the instrument
+        ``tool_offset``, ``sensor_turn`` and ``sensor_gain``.
     bar
         Whether a ball-bar reads lengths; else an R-test reads displacements.
     tool_offset_um
@@ -206,7 +207,7 @@ def simulate_rotary_test(
     acting = Acting.of(chain, plan, effects or {})
     axes = commanded(chain, plan) - acting.behind
     there = Relation.of(chain, axes, chain.named_errors(errors), acting.machine)
-    apart = there.apart_um(balls) - offset - acting.moved_um
+    apart = (there.apart_um(balls) - offset - acting.moved_um) @ acting.sensors.T
     rng = np.random.default_rng(None if seed is None else whole("seed", seed, 0))
     noise = rng.normal(0.0, 1.0, apart.shape) * noise_um
     if bar:
