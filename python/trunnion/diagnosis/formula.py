@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import importlib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, Protocol, get_args
 
@@ -24,10 +24,11 @@ from trunnion.diagnosis.formula_checks import (
     check_reading_unit,
     check_waves,
 )
-from trunnion.diagnosis.local_errors import BESIDE_PLACE, TIMES_WIDTH, beside, local
+from trunnion.diagnosis.local_errors import BESIDE_PLACE, TIMES_WIDTH, Bell, local
 from trunnion.diagnosis.scan import Term, ordinal
 from trunnion.diagnosis.smooth import over_range
 from trunnion.diagnosis.waves import shortest_on_grid
+from trunnion.diagnosis.ways import ANGLE_UNIT, OnMachine, in_words, is_angle
 from trunnion.machine.effects import Owner
 
 Shape = Literal["harmonic", "polynomial", "wave", "alternating", "jump", "local", "class"]
@@ -76,7 +77,8 @@ class FormulaEffect:
         is the column `y_mm`, the ball's centre at contact, rounded to 0.5 mm: what a plan may have
         asked for.
     component
-        Direction in which it enters the readings ("X"); empty: all alike.
+        Direction in which it enters the readings ("X"), or the angle of a rotary axis ("angle of
+        C"), of data with a set-up only; empty: all alike.
     shape
         "harmonic" and "wave": a cos + b sin; "alternating": a wave whose period is two steps of
         the places, from `low` on, of which these show one phase only; "polynomial": Legendre
@@ -92,7 +94,7 @@ class FormulaEffect:
     turn
         Length of a turn of s ("harmonic", and "local" if not 0).
     reading_unit
-        Of the change: that of the readings.
+        Of the change: that of the readings, arcsec of an angle.
     owner
         What it belongs to ("time" where it depends on time or order).
     searched
@@ -171,6 +173,7 @@ class FormulaEffect:
         acting = acting if v.known is None else acting & v.known
         unit = model.readings.unit
         of_reading = unit if isinstance(unit, str) else str(np.asarray(unit)[acting][0])
+        of_reading = ANGLE_UNIT if is_angle(term.component) else of_reading
         scale = not v.classes
         values = np.asarray(v.values, dtype=float) if scale else np.zeros(1)
         where = f"_in_{term.component}" if term.component else ""
@@ -322,7 +325,8 @@ class FormulaEffect:
             names = ", ".join(v.name for v in described.covariates)
             raise InputError(
                 f"effect {self.id!r}: got data with {names} (in {', '.join(known[1:])}), expected "
-                f"{self.covariate}{self.component and f' in {self.component}'}"
+                f"{self.covariate}{in_words(self.component)}"
+                f"{' of a machine: its set-up is needed' if is_angle(self.component) else ''}"
             )
         if self.unit not in ("", place.unit):
             expected = f"{place.unit!r}, the unit of" if place.unit else "none of"
@@ -330,14 +334,15 @@ class FormulaEffect:
                 f"effect {self.id!r}: unit: got {self.unit!r}, expected {expected} {self.covariate}"
             )
         s, weight = np.asarray(place.values), self.weights(described)
-        check_reading_unit(self.id, self.reading_unit, described, weight != 0)
+        of = ANGLE_UNIT if is_angle(self.component) else described
+        check_reading_unit(self.id, self.reading_unit, of, weight != 0)
         if sought and self.shape == "wave" and self.searched:
             longest = max(self.number * PERIODS[1], self.shortest)
             check_period(self.id, longest, self.covariate, place.unit, s[weight != 0])
         more: dict[str, Any] = {"label": self.label, "owner": self.owner}
         if self.shape == "local" and self.searched:
             named = tuple(p if isinstance(p, str) else p.name for p in self.parameters)
-            bell = _Bell(s.astype(float), weight, self.turn, named)
+            bell = Bell(s.astype(float), weight, self.turn, named)
             return gridded(self.id, self.parameters, bell.columns, slopes=bell.slopes, **more)
         if self._searched:
             parts = [(s.astype(float), weight)]
@@ -385,6 +390,13 @@ class FormulaEffect:
         """Derivative of the change by each parameter, shape (n, k)."""
         return self.bound(data).columns(values)
 
+    def on_machine(self, turning: Callable[[], Mapping[str, Floats]]) -> Any:
+        """Return what changes readings on a machine: an angle by how they change as an axis turns.
+
+        turning: Gives that change by 1 arcsec, by the axis' letter.
+        """
+        return OnMachine(self, turning()) if is_angle(self.component) else self
+
     # --- in words and as code
 
     def formula(self) -> str:
@@ -415,7 +427,7 @@ class FormulaEffect:
                 text = f"height 2^(−(2(s − p)/w)²), {s}, p{searched} the place, w{wide} the width"
             case _:
                 text = f"offset where {self.covariate} is {self.at}"
-        where = f" in {self.component}" if self.component else ""
+        where = in_words(self.component, " in ").replace(", as an", " of the")
         text += f", less its value at s = {self.low:g}" if self.from_start else ""
         return f"change{where}{f' ({self.reading_unit})' if self.reading_unit else ''} = {text}"
 
@@ -448,6 +460,8 @@ class FormulaEffect:
                 body = f"{at[0]} * np.cos(angle) + {at[1]} * np.sin(angle)"
         unit = self.unit and f" ({self.unit})"
         along = f"share of a displacement along {self.component}" if self.component else "1"
+        if is_angle(self.component):
+            along = f"change of a reading by 1 arcsec of the {self.component}"
         lines = [
             "import numpy as np",
             "",
@@ -474,25 +488,3 @@ class FormulaEffect:
             "",
             f"    return enters * (at(s) - at({self.low!r}))",
         ]
-
-
-@dataclass(frozen=True, eq=False)
-class _Bell:
-    """Columns of a local error at values of its place and width; names: of height, place, width."""
-
-    s: Floats
-    weight: Floats
-    turn: float
-    names: tuple[str, ...]
-
-    def columns(self, values: NamedValues) -> Floats:
-        """Change of each reading per unit of the height, (n, 1)."""
-        place, width = (float(values[name]) for name in self.names[1:])
-        return (self.weight * local(self.s, place, width, self.turn or None))[:, None]
-
-    def slopes(self, values: NamedValues) -> Floats:
-        """Derivative of the change by place and width, (n, 2)."""
-        height, place, width = (float(values[name]) for name in self.names)
-        off = beside(self.s, place, self.turn or None)
-        steep = 8 * np.log(2) * height / width**2 * self.columns(values)[:, 0] * off
-        return np.stack([steep, steep * off / width], axis=1)

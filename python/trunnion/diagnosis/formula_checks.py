@@ -34,9 +34,11 @@ def check_own_name(name: str) -> None:
 def check_reading_unit(name: str, unit: str, described: Any, acting: Flags) -> None:
     """Refuse a change in another unit than that of the readings in which it acts.
 
-    described: A model, or what describes data without one and states their unit.
+    described: A model, or what describes data without one and states their unit; or that unit.
     """
-    of = getattr(described, "reading_unit", None) or described.readings.unit
+    of = described
+    if not isinstance(described, str):
+        of = getattr(described, "reading_unit", None) or described.readings.unit
     known = {of} if isinstance(of, str) else {str(one) for one in np.asarray(of)[acting]}
     if known and unit not in known:
         expected = " or ".join(map(repr, sorted(known)))

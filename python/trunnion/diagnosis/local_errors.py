@@ -1,9 +1,12 @@
 """Local errors: bells about some places along a quantity."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from trunnion._core import local_errors_inside
 from trunnion.base.units import Floats
+from trunnion.diagnosis.effect import NamedValues
 
 WIDTHS = (1 / 4, 1 / 8, 1 / 16)  # in turns or ranges
 STEPS_A_WIDTH = 2  # between neighbouring places
@@ -36,3 +39,25 @@ def beside(values: Floats, place: float | Floats, period: float | None) -> Float
     """How far values of a quantity are from one, the short way round."""
     off = values - place
     return off if period is None else off - period * np.rint(off / period)
+
+
+@dataclass(frozen=True, eq=False)
+class Bell:
+    """Columns of a local error at values of its place and width; names: of height, place, width."""
+
+    s: Floats
+    weight: Floats
+    turn: float
+    names: tuple[str, ...]
+
+    def columns(self, values: NamedValues) -> Floats:
+        """Change of each reading per unit of the height, (n, 1)."""
+        place, width = (float(values[name]) for name in self.names[1:])
+        return (self.weight * local(self.s, place, width, self.turn or None))[:, None]
+
+    def slopes(self, values: NamedValues) -> Floats:
+        """Derivative of the change by place and width, (n, 2)."""
+        height, place, width = (float(values[name]) for name in self.names)
+        off = beside(self.s, place, self.turn or None)
+        steep = 8 * np.log(2) * height / width**2 * self.columns(values)[:, 0] * off
+        return np.stack([steep, steep * off / width], axis=1)

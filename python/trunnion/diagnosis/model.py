@@ -131,8 +131,9 @@ class Covariate:
         The same places come again along it, so that a function of these may be a smooth one of it,
         too: of smooth functions of it only what does not repeat competes with causes.
     readings:
-        First and end of those of the measurement that it is recorded in, of several; None: there
-        is one.
+        First and end of those of the measurement that it is recorded in, of several; None: one.
+    turns:
+        The angle of a rotary axis may depend on it (components by :mod:`.ways`).
     """
 
     name: str
@@ -145,6 +146,7 @@ class Covariate:
     known: Flags | None = None
     comes_back: bool = False
     readings: tuple[int, int] | None = None
+    turns: bool = False
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.model import Covariate, Model
+from trunnion.diagnosis.ways import directions
 from trunnion.diagnosis.smooth import polynomials
 
 MAX_ARC = 0.5  # of a turn that has polynomials: in more they jump where the angle begins anew
@@ -30,7 +31,7 @@ def smooth_functions(
 ) -> list[Floats]:
     """Polynomials of quantities that an error of some rows may be a smooth function of, (n, m).
 
-    0 in other rows. Each times each component; of a measurement none if more than ``most``. No
+    0 in other rows. Each in each direction; of a measurement none if more than ``most``. No
     angle that comes round, nor what goes with one. ``competing``: of those only what may compete
     with causes. ``known``: what all covariates say of these rows, where that was asked before.
     """
@@ -45,7 +46,7 @@ def smooth_functions(
     ]
     count = Counter[int]()  # by the first reading of a measurement
     for x in smooth:
-        count[x.some.start] += len(x.enter)
+        count[x.some.start] += len(directions(x.enter))
     found: dict[int, list[Floats]] = {start: [] for start in count}
     for x in smooth:
         if count[x.some.start] > most:
@@ -53,7 +54,7 @@ def smooth_functions(
         functions = polynomials(x.distinct, x.distinct)[x.ranks]
         if x.covariate.known is not None:
             functions = (functions.T * x.covariate.known[rows[x.some]]).T
-        for c in x.enter.values():
+        for c in directions(x.enter).values():
             full = np.zeros((len(model.readings), functions.shape[1]))
             full[rows[x.some]] = functions * c[:, None]
             if competing and x.covariate.comes_back:
@@ -112,6 +113,7 @@ def saying(
         at = some.start
         if at not in entering:
             entering[at] = _entering(components, rows[some])
+        enter = entering[at] if v.turns else directions(entering[at])
         values = np.asarray(v.values)[rows[some]]
         said, distinct, ranks = False, values[:0], np.zeros(0, dtype=np.intp)
         if not v.classes:
@@ -123,7 +125,7 @@ def saying(
                 continue  # constant, or says what another covariate says
             said = bool(same)
             seen.append((*kind, v.sequence, ranks))
-        yield Said(v, said, some, values, distinct, ranks, entering[at])
+        yield Said(v, said, some, values, distinct, ranks, enter)
 
 
 def _in_measurement(v: Covariate, rows: Integers) -> slice:

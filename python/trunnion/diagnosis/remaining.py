@@ -12,6 +12,7 @@ from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import rms, units_of, with_unit
 from trunnion.diagnosis.scan import Dictionary, Term
+from trunnion.diagnosis.ways import directions
 
 LARGER = 4.0  # in variance than the middle block of readings: the residual is large there
 MAX_STRETCHES = 3
@@ -57,7 +58,8 @@ def _remaining(case: Case, f: Fit, terms: Sequence[tuple[Term, float]]) -> str |
         for i, unit in enumerate(units)
         if np.any(index[rows] == i)
     ]
-    where = [name for name, c in case.model.components.items() if np.any(np.asarray(c)[rows])]
+    ways = directions(case.model.components)
+    where = [name for name, c in ways.items() if np.any(np.asarray(c)[rows])]
     axis = f" of {', '.join(where)}" if where and any(where) else ""
     text = f"{' and '.join(sizes)} rms{axis} {said}"
     if terms:

@@ -28,6 +28,7 @@ from trunnion.diagnosis.model import Covariate, Model
 from trunnion.diagnosis.quantities import Said, at_an_instant, saying
 from trunnion.diagnosis.smooth import over_range
 from trunnion.diagnosis.waves import WAVES_BETWEEN, waves
+from trunnion.diagnosis.ways import in_words
 from trunnion.diagnosis.whitening import Scaling, Whiten, identity
 
 SCAN_LEVEL = 0.01
@@ -51,7 +52,7 @@ class Term:
 
     def sentence(self) -> str:
         """Say it in words."""
-        where = f" in {self.component}" if self.component else ""
+        where = in_words(self.component)
         u = f" {self.unit}" if self.unit else ""
         match self.kind:
             case "harmonic":

@@ -21,6 +21,7 @@ from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.ways import directions
 from trunnion.diagnosis.whitening import Scaling
 
 
@@ -44,7 +45,8 @@ class Directions:
     @classmethod
     def of(cls, model: Model) -> "Directions | None":
         """Return those of a model's readings; None: all feel the same."""
-        felt = {k: np.square(c) for k, c in model.components.items() if np.ptp(np.abs(c)) > 0}
+        ways = directions(model.components)
+        felt = {k: np.square(c) for k, c in ways.items() if np.ptp(np.abs(c)) > 0}
         used = {k: c for k, c in felt.items() if c.sum() >= MIN_FREEDOM}
         if len(used) < 2 or np.any(sum(used.values()) == 0):
             return None

@@ -26,6 +26,7 @@ from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import Cause
 from trunnion.diagnosis.refit import Refit, refit
 from trunnion.diagnosis.result import Diagnosis
+from trunnion.diagnosis.ways import directions
 from trunnion.files.table import Table
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
@@ -385,7 +386,7 @@ def _split(model: Model, f: Refit, effect: str) -> dict[str, list[int]]:
     By that of the fewest readings: all have something of the X of an instrument.
     """
     at = [i for i, n in enumerate(f.names) if n.startswith(f"{effect}.")]
-    own = {k: np.asarray(c) != 0 for k, c in model.components.items()}
+    own = {k: np.asarray(c) != 0 for k, c in directions(model.components).items()}
     parts: dict[str, list[int]] = {}
     for i in at:
         acts = f.columns[:, i] != 0

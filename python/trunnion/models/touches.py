@@ -25,6 +25,7 @@ from trunnion.diagnosis.effect import ALL_AXES, Effect, EffectLike, EffectValues
 from trunnion.diagnosis.model import TURNED, Covariate, Model, Nuisance, Readings, Uncertainty
 from trunnion.diagnosis.one_effect import OneEffect
 from trunnion.diagnosis.own_effects import with_own
+from trunnion.diagnosis.ways import angles
 from trunnion.machine.budget import Input
 from trunnion.machine.chain import Chain
 from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner
@@ -364,12 +365,12 @@ class TouchDiagnosisModel(Model):
 
     tool_sense = -1.0
 
-    @property
+    @cached_property
     def components(self) -> Mapping[str, Floats]:
-        """A displacement along a machine axis enters with the approach's component."""
-        return TouchDescription(self.data).components
+        """A displacement along a machine axis, and the angle of a rotary one."""
+        return {**TouchDescription(self.data).components, **angles(self.turning)}
 
-    @property
+    @cached_property
     def turning(self) -> Mapping[str, Floats]:
         """As each rotary axis stands further, from the model of the machine."""
         return turning(self._model(()), self._moves, self._whole(self.start))
@@ -446,12 +447,15 @@ class TouchDescription:
         """Axis positions, senses, time or order, feed, place, direction, point."""
         data = self.data
         out = [
-            Covariate(f"{letter.upper()} position", np.asarray(deg), "deg", period=360.0)
+            Covariate(
+                f"{letter.upper()} position", np.asarray(deg), "deg", period=360.0, turns=True
+            )
             for letter, deg in data.rotary_deg.items()
         ]
         if data.time_s is not None:
-            out.append(Covariate("time", np.asarray(data.time_s), "s", sequence=True))
-        out.append(Covariate("order of measurement", np.arange(len(data)), sequence=True))
+            out.append(Covariate("time", np.asarray(data.time_s), "s", sequence=True, turns=True))
+        order = np.arange(len(data))
+        out.append(Covariate("order of measurement", order, sequence=True, turns=True))
         if data.feed_mm_min is not None:
             out.append(Covariate("feed", np.asarray(data.feed_mm_min), "mm/min"))
         nominal = nominal_mm(data)
@@ -461,7 +465,7 @@ class TouchDescription:
         azimuth = np.where(flat, azimuth, 0.0)
         out.append(Covariate("approach azimuth", azimuth, "deg", period=360.0, known=flat))
         out += [
-            Covariate(f"sense of {letter.upper()}", np.asarray(sense), words=TURNED)
+            Covariate(f"sense of {letter.upper()}", np.asarray(sense), words=TURNED, turns=True)
             for letter, sense in data.rotary_dir.items()
         ]
         if data.point is not None:

@@ -20,6 +20,7 @@ from scipy.ndimage import median_filter
 
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.model import Covariate, Model
+from trunnion.diagnosis.ways import directions
 
 ALONG = "deviation along "
 TURNED = "actual less commanded"
@@ -179,7 +180,7 @@ def weights_of(
     unit: Of the readings. labels: What a parameter that is always fitted is called, by name.
     """
     out = []
-    for name, enters in model.components.items():
+    for name, enters in directions(model.components).items():
         if name:
             along = f"{ALONG}{name}" if len(name) == 1 else f"deviation, {name}"
             sense = model.tool_sense

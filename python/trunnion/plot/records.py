@@ -8,6 +8,7 @@ from trunnion.base.units import capital, unit_of
 from trunnion.diagnosis.contributions import Contribution
 from trunnion.diagnosis.records import NO_CAUSE, Cause, Gain
 from trunnion.diagnosis.structure import Structure
+from trunnion.diagnosis.ways import in_words
 from trunnion.models.next_measurement import NextMeasurement
 from trunnion.models.next_passes import MIN_DISTANCE, NextPass
 from trunnion.models.next_touches import ExpectedDiscrimination
@@ -71,7 +72,7 @@ def structure_pictures(s: Structure) -> list[Picture]:
         high = low + effect.turn
     at = np.linspace(low, high, PLACES)
     curve = fixed.columns_at(at) @ np.array(list(values.values()))
-    where = f" along {effect.component}" if effect.component else ""
+    where = in_words(effect.component, " along ")
     return [
         Picture(
             capital(effect.label),

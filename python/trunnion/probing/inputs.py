@@ -5,11 +5,13 @@ the inputs of type B of an uncertainty budget (JCGM 100:2008, 4.3).
 """
 
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 
 from trunnion._core import Moves
 from trunnion.base.units import Floats, unit_of
+from trunnion.data.touches import Touches
 from trunnion.machine.budget import Input
 from trunnion.machine.stated import Stated
 from trunnion.probing.model import TouchModel, catalogue, positions_of
@@ -88,6 +90,12 @@ def turning(model: TouchModel, moves: Moves, values: Floats) -> dict[str, Floats
         )
         out[letter.lower()] = np.asarray(behind - ahead) / (2 * STEP_ARCSEC)
     return out
+
+
+def on_machine(effect: Any, model: TouchModel, data: Touches, values: Floats) -> Any:
+    """Return what changes touches by a user's effect: one that is an angle asks for the machine."""
+    made = getattr(effect, "on_machine", None)
+    return effect if made is None else made(lambda: turning(model, model.moves(data), values))
 
 
 def _rotary_steps(

@@ -18,6 +18,7 @@ from trunnion.base.statistics import LinearFit, linear_fit
 from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import UserEffect, own_call, own_numbers
+from trunnion.probing.inputs import on_machine
 from trunnion.probing.model import TouchModel, rounding_um
 
 CLOSE_UM = 1e-6
@@ -71,6 +72,7 @@ class TouchProblem:
         self, model: TouchModel, data: Touches, moves: Moves, own: Sequence[UserEffect]
     ) -> None:
         self.model, self.data, self.moves, self.own = model, data, moves, tuple(own)
+        self.acting = {e.id: on_machine(e, model, data, model.values()) for e in own}
         self.built_in = len(model.names)
         self.names = own_names(model, own)
         # A moment is searched by the core; the derivative by it is nothing.
@@ -111,13 +113,14 @@ class TouchProblem:
 
     def _change(self, effect: UserEffect, values: Mapping[str, float]) -> Floats:
         """Change of each reading by a user's effect, (n,)."""
-        found = own_call(effect, "change", effect.change, self.data, dict(values))
+        change = self.acting[effect.id].change
+        found = own_call(effect, "change", change, self.data, dict(values))
         return own_numbers(effect.id, "change", found, (len(self.data),))
 
     def _columns(self, effect: UserEffect, values: Mapping[str, float]) -> Floats:
         """Derivative of a user's effect by its parameters, (n, k): its own, or by differences."""
         shape = (len(self.data), len(effect.parameters))
-        given = getattr(effect, "jacobian", None)
+        given = getattr(self.acting[effect.id], "jacobian", None)
         if given is not None:
             found = own_call(effect, "jacobian", given, self.data, dict(values))
             return own_numbers(effect.id, "jacobian", found, shape)

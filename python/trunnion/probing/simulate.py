@@ -17,6 +17,7 @@ from trunnion.machine.estimate import Estimate
 from trunnion.machine.geometry import refuse_other_axes
 from trunnion.machine.sizes import in_other_units
 from trunnion.probing.mistakes import large_errors_named
+from trunnion.probing.inputs import on_machine
 from trunnion.probing.model import TouchModel
 from trunnion.probing.steps import as_recorded
 from trunnion.setup import Setup
@@ -135,7 +136,8 @@ def simulate(
             sample=_whole("sample", sample),
         )
     for effect in own:
-        travel = travel + 1e-3 * effect.change(plan, effects[effect])
+        acting = on_machine(effect, model, plan, values)
+        travel = travel + 1e-3 * acting.change(plan, effects[effect])
     start = plan.start_mm if plan.start_mm is not None else plan.position_mm
     recorded = start + travel[:, None] * plan.direction
     if step := 1e-3 * setup.probe.resolution_um:
