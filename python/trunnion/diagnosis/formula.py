@@ -24,7 +24,7 @@ from trunnion.diagnosis.formula_checks import (
     check_reading_unit,
     check_waves,
 )
-from trunnion.diagnosis.local_errors import BESIDE_PLACE, TIMES_WIDTH, Bell, local
+from trunnion.diagnosis.local_errors import BESIDE_PLACE, TIMES_WIDTH, Bell, beside, local
 from trunnion.diagnosis.scan import Term, ordinal
 from trunnion.diagnosis.smooth import over_range
 from trunnion.diagnosis.waves import shortest_on_grid
@@ -43,6 +43,8 @@ SMOOTH = ("polynomial", "wave")
 """Shapes that have a value at the start of a measurement."""
 PERIODIC = ("harmonic", "alternating")
 """Shapes whose mean over a turn or a period is known to be zero."""
+SAME_STOP = 0.01
+"""deg, within which an axis stands at the same position."""
 LEGENDRE = ("x", "(3x² − 1)/2", "(5x³ − 3x)/2", "(35x⁴ − 30x² + 3)/8")
 
 
@@ -86,9 +88,9 @@ class FormulaEffect:
         "class": at one value of s.
     number
         Of the harmonic, degree of the polynomial, period of the wave (or of what alternates), place
-        of the jump or of the local error.
+        of the jump or of the local error, the one position of an axis that has an effect ("class").
     at
-        Value of s that has an effect by itself ("class").
+        Value of s that has an effect by itself ("class"), of s that is no position.
     low, high
         Range of s for which a polynomial was found.
     turn
@@ -174,13 +176,14 @@ class FormulaEffect:
         unit = model.readings.unit
         of_reading = unit if isinstance(unit, str) else str(np.asarray(unit)[acting][0])
         of_reading = ANGLE_UNIT if is_angle(term.component) else of_reading
-        scale = not v.classes
+        scale = term.kind != "class"
         values = np.asarray(v.values, dtype=float) if scale else np.zeros(1)
         where = f"_in_{term.component}" if term.component else ""
+        stop = not (scale or v.classes)  # one of an axis
         number, width = 0.0, 1.0
         if term.kind == "local":
             number, width = term.place_and_width
-        elif scale:
+        elif scale or stop:
             number = float(str(term.number))
         return cls(
             id=re.sub(r"\W+", "_", f"{term.kind}_of_{term.covariate}{where}".lower()),
@@ -191,7 +194,7 @@ class FormulaEffect:
             width=width,
             component=term.component,
             unit=term.unit,
-            at="" if scale else str(term.number),
+            at="" if scale or stop else str(term.number),
             low=float(values.min()) if scale else 0.0,
             high=float(values.max()) if scale else 1.0,
             turn=float(v.period or (0.0 if term.kind == "local" else 360.0)),
@@ -263,6 +266,11 @@ class FormulaEffect:
             case "alternating":
                 return (f"a{end}",)
         return (f"a{end}", f"b{end}", *self._searched)
+
+    @property
+    def _is_stop(self) -> bool:
+        """Whether a class is one position of an axis."""
+        return self.shape == "class" and bool(self.unit)
 
     @property
     def _suffix(self) -> str:
@@ -367,7 +375,9 @@ class FormulaEffect:
         """Functions of the quantity, wherever their zero is."""
         match self.shape:
             case "class":
-                return np.asarray(s.astype(str) == self.at, dtype=np.float64)[:, None]
+                own = beside(s, self.number, self.turn) if self._is_stop else s.astype(str)
+                same = np.abs(own) < SAME_STOP if self._is_stop else own == self.at
+                return np.asarray(same, dtype=np.float64)[:, None]
             case "jump":
                 return np.asarray(s >= self.number, dtype=np.float64)[:, None]
             case "polynomial":
@@ -426,7 +436,9 @@ class FormulaEffect:
                 wide = "" if self.searched else f" = {self.width:g}"
                 text = f"height 2^(−(2(s − p)/w)²), {s}, p{searched} the place, w{wide} the width"
             case _:
-                text = f"offset where {self.covariate} is {self.at}"
+                unit = self.unit and f" {self.unit}"
+                stop = f"{self.number:g}{unit}" if self._is_stop else self.at
+                text = f"offset where {self.covariate} is {stop}"
         where = in_words(self.component, " in ").replace(", as an", " of the")
         text += f", less its value at s = {self.low:g}" if self.from_start else ""
         return f"change{where}{f' ({self.reading_unit})' if self.reading_unit else ''} = {text}"
@@ -453,6 +465,10 @@ class FormulaEffect:
                 body = f"{at[0]} * np.exp2(-((2 * off / {width}) ** 2))"
             case "class":
                 x, body = "", f"{at[0]} * (s.astype(str) == {self.at!r})"
+                if self._is_stop:
+                    half = self.turn / 2
+                    x = f"off = np.mod(s - {self.number!r} + {half!r}, {self.turn!r}) - {half!r}"
+                    body = f"{at[0]} * (np.abs(off) < {SAME_STOP!r})"
             case _:
                 period = f"{self.turn / self.number!r}" if self.shape == "harmonic" else at[-1]
                 period = repr(self.number) if self.shape == "wave" and not self.searched else period

@@ -1,9 +1,10 @@
 """Functions of one covariate of which unexplained structure may consist, and their terms."""
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Flags, Floats, Integers
@@ -21,6 +22,7 @@ from trunnion.diagnosis.waves import (
 )
 
 MAX_CLASSES = 512
+MAX_STOPS = 48  # of a rotary axis, each of which may stand off by itself
 HARMONICS = 6
 MOST_OF_A_TURN = 180  # harmonics, where each angle has several readings
 DEGREE = 4
@@ -70,16 +72,10 @@ def functions_of(x: Said, has: Flags | None) -> Iterator[tuple[Functions | Jumps
     Of values that come again and again each is made once, but for jumps of many readings.
     """
     if x.covariate.classes:
-        labels, index, count = np.unique(x.values, return_inverse=True, return_counts=True)
-        if len(labels) > 1:
-            # those with the most readings, in their order
-            shown = np.sort(np.argsort(-count, kind="stable")[:MAX_CLASSES])
-            place = np.full(len(labels), -1)
-            place[shown] = np.arange(len(shown))
-            at = Places(place[index.reshape(-1)], len(shown))
-            own = Some("class", list(labels[shown]))
-            yield Functions(np.eye(len(shown)), at), [own]
+        yield from _by_itself(x.values)
         return
+    if x.covariate.turns and x.covariate.period is not None and len(x.distinct) <= MAX_STOPS:
+        yield from _by_itself(x.values)
     few = MAX_ALIKE * len(x.distinct) < len(x.values)
     at = Places(x.ranks if has is None else np.where(has, x.ranks, -1), len(x.distinct))
     for f, terms in _functions_at(x.distinct if few else x.values, x):
@@ -91,6 +87,17 @@ def functions_of(x: Said, has: Flags | None) -> Iterator[tuple[Functions | Jumps
             yield Functions(f, at), terms
         else:
             yield Functions(f if has is None else f * has), terms
+
+
+def _by_itself(values: NDArray[Any]) -> Iterator[tuple[Functions, Sequence[Some]]]:
+    """Each of some values by itself: those with the most readings, in their order."""
+    labels, index, count = np.unique(values, return_inverse=True, return_counts=True)
+    if len(labels) > 1:
+        shown = np.sort(np.argsort(-count, kind="stable")[:MAX_CLASSES])
+        place = np.full(len(labels), -1)
+        place[shown] = np.arange(len(shown))
+        at = Places(place[index.reshape(-1)], len(shown))
+        yield Functions(np.eye(len(shown)), at), [Some("class", labels[shown].tolist())]
 
 
 def _harmonics(angles: Floats, period: float, most: int) -> int:

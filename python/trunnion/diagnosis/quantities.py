@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.model import Covariate, Model
-from trunnion.diagnosis.ways import directions
 from trunnion.diagnosis.smooth import polynomials
+from trunnion.diagnosis.ways import directions
 
 MAX_ARC = 0.5  # of a turn that has polynomials: in more they jump where the angle begins anew
 PERPENDICULAR = 1e-9  # of the sizes of components, their product at an instant: rounding

@@ -28,7 +28,7 @@ from trunnion.diagnosis.model import Covariate, Model
 from trunnion.diagnosis.quantities import Said, at_an_instant, saying
 from trunnion.diagnosis.smooth import over_range
 from trunnion.diagnosis.waves import WAVES_BETWEEN, waves
-from trunnion.diagnosis.ways import in_words
+from trunnion.diagnosis.ways import in_words, is_angle
 from trunnion.diagnosis.whitening import Scaling, Whiten, identity
 
 SCAN_LEVEL = 0.01
@@ -69,7 +69,8 @@ class Term:
                 place, width = self.place_and_width
                 how = f"a local error at {place:.4g}{u}, {width:.4g}{u} wide"
             case _:
-                return f"{self.covariate} {self.number} (by itself)"
+                at = f"{self.number:g}{u}" if isinstance(self.number, float) else self.number
+                return f"{self.covariate} {at} (by itself{where})"
         return f"{self.covariate} ({how}{where})"
 
     @property
@@ -189,7 +190,7 @@ class Dictionary:
     quantities: Sequence[Said] | None = None
     _said: list[_Terms]
     _parts: list[Part]
-    _by_ways: dict[tuple[int, int], Part]
+    _by_ways: dict[tuple[int, tuple[int, ...]], Part]
     _made: list[Made]  # of which these parts consist
     _numbers = 0  # of all functions that are kept
     _hidden: Integers  # waves and local errors that the readings do not show
@@ -240,11 +241,14 @@ class Dictionary:
         for x in self.quantities or every:
             v = x.covariate
             has = None if v.known is None else v.known[self._rows[x.some]]
-            ways = list(x.enter)[:1] if v.classes else list(x.enter)
-            shown = Shown(x, ways)
+            every = list(x.enter)[:1] if v.classes else list(x.enter)
+            shown = Shown(x, every)
             for functions, terms in functions_of(x, has):
                 if not len(functions):
                     continue
+                ways = every
+                if not v.classes and terms[0].kind == "class":
+                    ways = [way for way in every if is_angle(way)]
                 first = {}
                 for some in terms:
                     self._said.append(_Terms(self.count, v, some.kind, some.numbers, ways))
@@ -266,7 +270,7 @@ class Dictionary:
 
     def _keep(self, made: Made) -> None:
         """Keep terms in the part of their readings and ways, in the precision for so many."""
-        key = made.some.start, len(made.ways)
+        key = made.some.start, tuple(map(id, made.ways))
         if key not in self._by_ways:
             n = len(self._model.readings)
             part = Part(made.ways, made.some, self._rows, n, self._whiten)

@@ -447,10 +447,8 @@ class TouchDescription:
         """Axis positions, senses, time or order, feed, place, direction, point."""
         data = self.data
         out = [
-            Covariate(
-                f"{letter.upper()} position", np.asarray(deg), "deg", period=360.0, turns=True
-            )
-            for letter, deg in data.rotary_deg.items()
+            Covariate(f"{name.upper()} position", np.asarray(deg), "deg", 360.0, turns=True)
+            for name, deg in data.rotary_deg.items()
         ]
         if data.time_s is not None:
             out.append(Covariate("time", np.asarray(data.time_s), "s", sequence=True, turns=True))

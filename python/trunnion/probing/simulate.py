@@ -16,8 +16,8 @@ from trunnion.machine.effects import split_effects
 from trunnion.machine.estimate import Estimate
 from trunnion.machine.geometry import refuse_other_axes
 from trunnion.machine.sizes import in_other_units
-from trunnion.probing.mistakes import large_errors_named
 from trunnion.probing.inputs import on_machine
+from trunnion.probing.mistakes import large_errors_named
 from trunnion.probing.model import TouchModel
 from trunnion.probing.steps import as_recorded
 from trunnion.setup import Setup
