@@ -145,7 +145,7 @@ class CommonDrift:
 
 @dataclass(frozen=True)
 class SetupShift:
-    """The part shifts on the instrument at a moment."""
+    """The part slips on the instrument at a moment: it shifts, and turns about its middle."""
 
     def effect(self, points: Points, _: Places) -> Effect | None:
         """Return the effect, bound to points; None if there is but one moment."""
@@ -156,11 +156,13 @@ class SetupShift:
             return None
         grid = tuple(map(float, between[:: max(1, len(between) // MAX_MOMENTS)]))
         name = "row" if points.time_s is None else "t0_s"
-        shape = ShiftShape(name, when, groups_of(points)[1], points.dimension)
+        shape = ShiftShape(name, when, groups_of(points)[1], points.dimension, _turned(points))
+        about = AXES[2 if points.dimension == 2 else 0 :]
         return gridded(
             "setup_shift",
             [
                 *(f"d{a}_um" for a in AXES[: points.dimension]),
+                *(f"r{a}_arcsec" for a in about),
                 Parameter(name, grid=grid, bounds=(moments[0], moments[-1])),
             ],
             shape.columns,
@@ -261,6 +263,15 @@ def _moved(
     return np.ascontiguousarray(moved[:, : p.dimension]).reshape(-1, moved.shape[2])
 
 
+def _turned(p: Points) -> Floats:
+    """Change of the readings as the part turns by 1 arcsec about its middle, (n d, 1 or 3)."""
+    arms = np.zeros((len(p), 3))
+    arms[:, : p.dimension] = p.nominal_mm - (p.nominal_mm.min(0) + p.nominal_mm.max(0)) / 2
+    about = np.eye(3)[2 if p.dimension == 2 else 0 :]
+    moved = [1e3 * ARCSEC * np.cross(axis, arms)[:, : p.dimension].reshape(-1) for axis in about]
+    return np.stack(moved, axis=1)
+
+
 def _elapsed(p: Points) -> Floats:
     """Hours since the first point of the group; without times the order, 0 to 1 in the group."""
     _, group = groups_of(p)
@@ -281,17 +292,23 @@ def _moments(p: Points) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class ShiftShape:
-    """Shift of all that comes later in the same set-up; the moment lies between rows."""
+    """Shift of all that comes later in the same set-up; the moment lies between rows.
+
+    ``turned``: change of the readings as the part turns by 1 arcsec, (n d, m).
+    """
 
     name: str
     when: Floats
     group: Any
     dimension: int
+    turned: Floats
 
     def columns(self, values: Mapping[str, float]) -> Floats:
-        """Columns of the shift, shape (n d, d)."""
-        after = from_then_on(values[self.name], self.when, self.group)
-        return in_every_coordinate(after[:, None].astype(float), self.dimension)
+        """Columns of the shift, shape (n d, d), and of the turn."""
+        after = from_then_on(values[self.name], self.when, self.group).astype(float)
+        shift = in_every_coordinate(after[:, None], self.dimension)
+        turn = self.turned * np.repeat(after, self.dimension)[:, None]
+        return np.concatenate([shift, turn], axis=1)
 
     def slopes(self, _: Mapping[str, float]) -> Floats:
         """No derivative by the moment, shape (n d, 1)."""
