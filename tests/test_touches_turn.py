@@ -63,14 +63,15 @@ def thrice_a_turn(arcsec: float) -> Angle:
 
 def at_one_stop(letter: str, deg: float, arcsec: float) -> Angle:
     def angle(data: tn.Touches, _: np.random.Generator) -> NDArray[np.float64]:
-        return arcsec * (np.abs(np.asarray(data[f"{letter}_deg"]) - deg) < 1e-6)
+        return np.asarray(arcsec * (np.abs(np.asarray(data[f"{letter}_deg"]) - deg) < 1e-6))
 
     return angle
 
 
 @cache
 def stops(letter: str) -> list[float]:
-    return np.unique(np.asarray(measured(1, "c", thrice_a_turn(0.0))[0][f"{letter}_deg"])).tolist()
+    data, _, _ = measured(1, "c", thrice_a_turn(0.0))
+    return [float(x) for x in np.unique(np.asarray(data[f"{letter}_deg"]))]
 
 
 def test_an_error_three_times_a_turn_is_an_angle_of_the_axis() -> None:

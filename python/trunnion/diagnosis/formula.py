@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import importlib
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, Protocol, get_args
 
@@ -400,12 +400,12 @@ class FormulaEffect:
         """Derivative of the change by each parameter, shape (n, k)."""
         return self.bound(data).columns(values)
 
-    def on_machine(self, turning: Callable[[], Mapping[str, Floats]]) -> Any:
+    def on_machine(self, machine: Any) -> Any:
         """Return what changes readings on a machine: an angle by how they change as an axis turns.
 
-        turning: Gives that change by 1 arcsec, by the axis' letter.
+        machine: Its `turning()` gives that change by 1 arcsec, by the axis' letter.
         """
-        return OnMachine(self, turning()) if is_angle(self.component) else self
+        return OnMachine(self, machine.turning()) if is_angle(self.component) else self
 
     # --- in words and as code
 

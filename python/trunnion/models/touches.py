@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from trunnion.base.rows import repeats
 from trunnion.base.units import Floats, Integers
 from trunnion.data.touches import Touches
 from trunnion.diagnosis.effect import ALL_AXES, Effect, EffectLike, EffectValues, Parameter, Values
-from trunnion.diagnosis.model import TURNED, Covariate, Model, Nuisance, Readings, Uncertainty
+from trunnion.diagnosis.model import Covariate, Model, Nuisance, Readings, Uncertainty
 from trunnion.diagnosis.one_effect import OneEffect
 from trunnion.diagnosis.own_effects import with_own
 from trunnion.diagnosis.ways import angles
@@ -31,6 +31,8 @@ from trunnion.machine.chain import Chain
 from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.machine.geometry import made_with
+from trunnion.models.slips import SLIP, TURN, SlipTurn, turned_apart
+from trunnion.models.touch_description import TouchDescription, nominal_mm
 from trunnion.models.warming import settled
 from trunnion.probing.identify import mistakes_in
 from trunnion.probing.inputs import inputs_of, stated_of, turning
@@ -108,6 +110,9 @@ class TouchDiagnosisModel(Model):
         self._unknown = np.flatnonzero(self._full.unknown[: self._plain])
         place = {name: n for n, name in enumerate(self._full.names)}
         self._columns = {i.id: [place[f"{i.id}.{p.name}"] for p in i.parameters] for i in infos}
+        self._turns = SLIP in self._columns and bool(self._full.unknown[place[TURN]])
+        if self._turns:
+            self._columns[SLIP].insert(-1, place[TURN])
         kinds = self._full.kinds
         self._linear = {k: [c for c in v if kinds[c] == "linear"] for k, v in self._columns.items()}
         self._searched = {
@@ -166,7 +171,14 @@ class TouchDiagnosisModel(Model):
     def predict(self, nuisance: Floats, effects: EffectValues) -> Floats:
         """Return readings, µm; built-in effects act together in the core, a user's own is added."""
         ids, values = self._vector(nuisance, effects)
-        out: Floats = self.readings.values - self._residuals(ids, values)
+        left = self._residuals(ids, values)
+        slip = effects.get(SLIP, {})
+        if turned := slip.get(TURN, 0.0):
+            values = values.copy()
+            values[self._plain - 1] += turned
+            after = np.asarray(self.data.time_s) >= slip["t0_s"]
+            left = np.where(after, self._residuals(ids, values), left)
+        out: Floats = self.readings.values - left
         for e in self._own:
             if e.id in effects:
                 out = out + np.asarray(e.change(Values(effects[e.id])), dtype=np.float64)
@@ -212,11 +224,13 @@ class TouchDiagnosisModel(Model):
         if not ids or nuisance.tobytes() in self._at:
             return super().derivatives(nuisance, effects, values)
         model = self._model(ids)
-        rates = self._of_catalogue(model, nuisance, range(self._plain, len(model.names)))
+        first = self._plain - 1  # that of a turn
+        rates = self._of_catalogue(model, nuisance, range(first, len(model.names)))
         found = [self.jacobian(nuisance, values)]
         for e in effects:
             if e.id in ids:
-                at = [model.names.index(f"{e.id}.{p.name}") - self._plain for p in e.parameters]
+                names = [self._full.names[c] for c in self._columns[e.id]]
+                at = [model.names.index(name) - first for name in names]
                 found.append(self._in_force(e, rates[at], values[e.id]).T)
             else:
                 found.append(self.effect_jacobian(nuisance, e, values[e.id]))
@@ -253,7 +267,8 @@ class TouchDiagnosisModel(Model):
     def _vector(self, nuisance: Floats, effects: EffectValues) -> tuple[tuple[str, ...], Floats]:
         """Built-in effects among these, and the core's parameter vector for them."""
         ids = tuple(i for i in self._ids if i in effects)
-        names = [self._full.names[c].split(".", 1) for i in ids for c in self._columns[i]]
+        every = [self._full.names[c] for i in ids for c in self._columns[i] if c >= self._plain]
+        names = [name.split(".", 1) for name in every]
         own = [float(effects[i][name]) for i, name in names]
         return ids, np.concatenate([self._whole(nuisance), own])
 
@@ -309,9 +324,12 @@ class TouchDiagnosisModel(Model):
     def _effect(self, info: EffectInfo) -> Effect:
         """Present an entry of the catalogue to the engine."""
         bound = OneEffect(self, info.id)
+        parameters = [self._parameter(p.name, p.unit, p.kind) for p in info.parameters]
+        if info.id == SLIP and self._turns:
+            parameters.insert(-1, Parameter(TURN, "arcsec"))
         return Effect(
             info.id,
-            tuple(self._parameter(p.name, p.unit, p.kind) for p in info.parameters),
+            tuple(parameters),
             bound.change,
             bound.jacobian,
             label=info.label,
@@ -414,15 +432,21 @@ class TouchDiagnosisModel(Model):
         named = {n.name: float(v) for n, v in zip(self.nuisance, nuisance, strict=True)}
         own = {x.id: x for x in self._given if not isinstance(x, str) and isinstance(x, Hashable)}
         fixed = [e.id for e in self._own if e.motion is None]
+        known: dict[Any, dict[str, float]] = {own.get(k, k): dict(v) for k, v in effects.items()}
+        owners = {e.id: e.owner for e in self.effects if e.id in effects}
+        if TURN in known.get(SLIP, {}):  # the core's slip is a shift
+            turn = SlipTurn(known[SLIP]["t0_s"])
+            known[turn] = {TURN: known[SLIP].pop(TURN)}
+            owners[turn.id] = turn.owner
         return ExtendedTouchModel(
             setup=self.setup,
             errors={n.name: named[n.name] for n in self.nuisance if n.owner is Owner.MACHINE},
             placement={name: named.get(name, 0.0) for name in PLACEMENT},
-            effects={own.get(k, k): dict(v) for k, v in effects.items()},
-            owners={e.id: e.owner for e in self.effects if e.id in effects},
+            effects=known,
+            owners=owners,
             not_compensable={k: "it has no motion(pose, values)" for k in fixed if k in effects},
             **made_with(self.setup, self.data),
-            **({} if uncertainty is None else uncertainty.fields()),
+            **({} if uncertainty is None else turned_apart(uncertainty.fields())),
         )
 
     def _check_on_surface(self) -> None:
@@ -433,53 +457,6 @@ class TouchDiagnosisModel(Model):
                 f"touch of {self.data.place(worst)}: got a point {off[worst] / 1e3:.1f} mm from "
                 f"the modelled surface, expected at most {MAX_DISTANCE_UM / 1e3:.0f} mm"
             )
-
-
-@dataclass(frozen=True)
-class TouchDescription:
-    """What touches depend on, as far as it does not take a set-up to say so."""
-
-    data: Touches
-    reading_unit: ClassVar[str] = "µm"
-
-    @property
-    def covariates(self) -> tuple[Covariate, ...]:
-        """Axis positions, senses, time or order, feed, place, direction, point."""
-        data = self.data
-        out = [
-            Covariate(f"{name.upper()} position", np.asarray(deg), "deg", 360.0, turns=True)
-            for name, deg in data.rotary_deg.items()
-        ]
-        if data.time_s is not None:
-            out.append(Covariate("time", np.asarray(data.time_s), "s", sequence=True, turns=True))
-        order = np.arange(len(data))
-        out.append(Covariate("order of measurement", order, sequence=True, turns=True))
-        if data.feed_mm_min is not None:
-            out.append(Covariate("feed", np.asarray(data.feed_mm_min), "mm/min"))
-        nominal = nominal_mm(data)
-        out += [Covariate(f"{axis} place", nominal[:, i], "mm") for i, axis in enumerate("XYZ")]
-        azimuth = np.degrees(np.arctan2(data.dir_y, data.dir_x))
-        flat = np.hypot(data.dir_x, data.dir_y) > 1e-6
-        azimuth = np.where(flat, azimuth, 0.0)
-        out.append(Covariate("approach azimuth", azimuth, "deg", period=360.0, known=flat))
-        out += [
-            Covariate(f"sense of {letter.upper()}", np.asarray(sense), words=TURNED, turns=True)
-            for letter, sense in data.rotary_dir.items()
-        ]
-        if data.point is not None:
-            out.append(Covariate("point", np.asarray(data.point), classes=True))
-        return tuple(out)
-
-    @property
-    def components(self) -> Mapping[str, Floats]:
-        """A displacement along a machine axis enters with the approach's component."""
-        d = self.data.direction
-        return {"X": d[:, 0], "Y": d[:, 1], "Z": d[:, 2]}
-
-
-def nominal_mm(data: Touches) -> Floats:
-    """Ball centre at contact, (n, 3), rounded to what a plan may have asked for."""
-    return np.asarray(np.round(data.position_mm * 2) / 2)
 
 
 described = TouchDescription

@@ -5,6 +5,7 @@ the inputs of type B of an uncertainty budget (JCGM 100:2008, 4.3).
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -92,10 +93,31 @@ def turning(model: TouchModel, moves: Moves, values: Floats) -> dict[str, Floats
     return out
 
 
+@dataclass(frozen=True, eq=False)
+class OnMachine:
+    """Touches on a machine, for a user's effect that asks how they change.
+
+    ``values``: the model's parameters.
+    """
+
+    model: TouchModel
+    data: Touches
+    values: Floats
+
+    def turning(self) -> dict[str, Floats]:
+        """As a rotary axis stands further by 1 arcsec, by its letter."""
+        return turning(self.model, self.model.moves(self.data), self.values)
+
+    def placed(self, name: str) -> Floats:
+        """As a parameter of the placement, by its name, is larger by 1."""
+        at, moves = self.model.names.index(name), self.model.moves(self.data)
+        return np.asarray(self.model.core.rates(moves, self.values[None], [at])).reshape(-1)
+
+
 def on_machine(effect: Any, model: TouchModel, data: Touches, values: Floats) -> Any:
     """Return what changes touches by a user's effect: one that is an angle asks for the machine."""
     made = getattr(effect, "on_machine", None)
-    return effect if made is None else made(lambda: turning(model, model.moves(data), values))
+    return effect if made is None else made(OnMachine(model, data, values))
 
 
 def _rotary_steps(

@@ -1,0 +1,67 @@
+"""The turn of an artefact that slips on the table.
+
+The core's slip is a shift (`setup_shift`). What turns with it is fitted here: the rotation of the
+placement about the table's Z, from the same moment on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NoReturn
+
+import numpy as np
+
+from trunnion.base.errors import InputError
+from trunnion.base.units import Floats
+from trunnion.machine.effects import Owner
+
+SLIP = "setup_shift"
+TURN = "rc_arcsec"
+"""Its parameter, and the placement's that it changes."""
+
+
+@dataclass(frozen=True)
+class SlipTurn:
+    """The artefact turns on the table at a moment, as an effect of touches.
+
+    t0_s: The moment.
+    """
+
+    t0_s: float
+    id: str = "setup_turn"
+    label: str = "turn of the artefact on the table"
+    parameters: tuple[str, ...] = (TURN,)
+    owner: Owner = Owner.PLACEMENT
+
+    def change(self, data: Any, values: Mapping[str, float]) -> NoReturn:  # noqa: ARG002
+        """Refuse touches without a machine."""
+        raise InputError(f"effect {self.id!r}: got touches only, expected a set-up beside them")
+
+    def on_machine(self, machine: Any) -> _Turned:
+        """Return what changes the readings on a machine."""
+        return _Turned(self.t0_s, machine.placed(TURN))
+
+
+@dataclass(frozen=True, eq=False)
+class _Turned:
+    """By how much readings change by a turn of 1 arcsec, (n,), from a moment on."""
+
+    t0_s: float
+    column: Floats
+
+    def change(self, data: Any, values: Mapping[str, float]) -> Floats:
+        """Change of each reading, (n,)."""
+        return self.jacobian(data, values)[:, 0] * values[TURN]
+
+    def jacobian(self, data: Any, _: Mapping[str, float]) -> Floats:
+        """Derivative of the change, (n, 1)."""
+        return np.where(np.asarray(data.time_s) >= self.t0_s, self.column, 0.0)[:, None]
+
+
+def turned_apart(fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a fit says of uncertainty, the turn of a slip under the name of its own."""
+    one, own = f"{SLIP}.{TURN}", f"{SlipTurn.id}.{TURN}"
+    names = tuple(own if name == one else name for name in fields["names"])
+    std = {own if name == one else name: v for name, v in fields["std_errors"].items()}
+    return {**fields, "names": names, "std_errors": std}
