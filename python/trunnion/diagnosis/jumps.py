@@ -11,12 +11,25 @@ NEAR = 24  # places between two of the scan that are tried at a time
 ONE_BETWEEN = 2  # steps of the scan, of which each has one value between
 MAX_PLACES = 384  # places at which a jump is sought beside causes
 MAX_NUMBERS = 1 << 21  # numbers of these at once
+MOMENTS = 48, 400  # least and most moments at which a slip is sought
+MOMENT_NUMBERS = 1 << 18  # values of one column at all of these, beyond the least
 FEW = 8  # of these, that compete with causes: each has its share of the odds
 
 
 def places_of_jumps(distinct: Floats) -> Floats:
     """Places of the scan: values of a quantity, ascending, from which on readings are others."""
     return distinct[_step(distinct) :: _step(distinct)]
+
+
+def moments_tried(between: Floats, readings: int) -> tuple[float, ...]:
+    """Moments, of some between readings, at which a slip is sought: all of few.
+
+    A cause that jumps beside a wrong moment would explain the readings between: a backlash, where
+    the slip came as an axis turned back.
+    """
+    least, most = MOMENTS
+    count = min(most, max(least, MOMENT_NUMBERS // max(readings, 1)))
+    return tuple(map(float, between[:: max(1, len(between) // count)]))
 
 
 def near(distinct: Floats, place: float) -> Floats:

@@ -22,6 +22,7 @@ from trunnion.base.rows import repeats
 from trunnion.base.units import Floats, Integers
 from trunnion.data.touches import Touches
 from trunnion.diagnosis.effect import ALL_AXES, Effect, EffectLike, EffectValues, Parameter, Values
+from trunnion.diagnosis.jumps import moments_tried
 from trunnion.diagnosis.model import Covariate, Model, Nuisance, Readings, Uncertainty
 from trunnion.diagnosis.one_effect import OneEffect
 from trunnion.diagnosis.own_effects import with_own
@@ -52,7 +53,6 @@ MAX_KEPT = 1_000_000
 """Numbers of derivatives that are kept beside the last."""
 MAX_FITS = 16
 """Residuals that are kept."""
-MAX_MOMENTS = 48
 MINUTES = 1.0  # time constant at which an effect with one is linearised
 DURATIONS = 10
 MIN_BESIDE_SLIP = 5  # touches; fewer of them look like outliers
@@ -360,8 +360,8 @@ class TouchDiagnosisModel(Model):
                 len(between) > 4 * MIN_BESIDE_SLIP
             ):  # among the first or last touches it looks like bad ones
                 between = between[MIN_BESIDE_SLIP - 1 : -(MIN_BESIDE_SLIP - 1)]
-            grid = between[:: max(1, len(between) // MAX_MOMENTS)]
-            return Parameter(name, unit, tuple(map(float, grid)) or (float(times[0]),))
+            moments = moments_tried(between, len(self.data))
+            return Parameter(name, unit, moments or (float(times[0]),))
         minutes = max(float(times[-1] - times[0]), 1.0) / 60.0
         grid = np.geomspace(minutes / 20, 1.5 * minutes, DURATIONS)
         return Parameter(name, unit, tuple(map(float, grid)), (minutes / 100, 20 * minutes))

@@ -27,6 +27,7 @@ from trunnion.diagnosis.effect import (
     linear,
     periodic,
 )
+from trunnion.diagnosis.jumps import moments_tried
 from trunnion.machine.effects import Owner
 from trunnion.machine.linear_axes import LinearMotion, Travel, angular, bow
 from trunnion.models.points.geometry import AXES, Places, groups_of, places_of
@@ -36,7 +37,6 @@ CATALOGUED = ("scale_x", "scale_y", "scale_z", "squareness_xy", "squareness_xz",
 OF_TIME = ("drift_x", "drift_y", "drift_z", "common_drift", "setup_shift")
 COMMON_DEGREE = 6
 MIN_REPEATS = 20
-MAX_MOMENTS = 48
 
 Shape: TypeAlias = Callable[[Points, Places], Floats]
 """Change of the readings per unit of each parameter, shape (n d, k)."""
@@ -154,7 +154,7 @@ class SetupShift:
         between = (moments[1:] + moments[:-1]) / 2
         if len(between) < 2:
             return None
-        grid = tuple(map(float, between[:: max(1, len(between) // MAX_MOMENTS)]))
+        grid = moments_tried(between, len(points) * points.dimension)
         name = "row" if points.time_s is None else "t0_s"
         shape = ShiftShape(name, when, groups_of(points)[1], points.dimension, _turned(points))
         about = AXES[2 if points.dimension == 2 else 0 :]
