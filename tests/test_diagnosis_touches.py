@@ -63,7 +63,7 @@ def test_columns_are_the_twins(plan: str) -> None:
         assert np.abs(ours - theirs).max() < COLUMN_ERR_TOL * size, effect.id
         linear = [p.name for p in effect.parameters if p.linear]
         columns = model.effect_jacobian(model.start, effect, values)[:, : len(linear)]
-        change = columns @ [values[name] for name in linear]
+        change = columns @ [values.get(name, 0.0) for name in linear]  # theirs does not turn
         assert np.abs(change - theirs).max() < SECOND_ORDER_TOL * size, effect.id
 
 

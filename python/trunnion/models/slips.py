@@ -19,6 +19,15 @@ from trunnion.machine.effects import Owner
 SLIP = "setup_shift"
 TURN = "rc_arcsec"
 """Its parameter, and the placement's that it changes."""
+MIN_TO_TURN = 12
+"""Touches before and after a slip, from which on it turns: of fewer a turn from another moment on
+explains what a shift does."""
+
+
+def show_a_turn(after: Floats) -> bool:
+    """Whether there are enough touches on both sides of a slip; ``after``: 1 from it on, (n,)."""
+    count = int(np.count_nonzero(after))
+    return min(count, len(after) - count) >= MIN_TO_TURN
 
 
 @dataclass(frozen=True)

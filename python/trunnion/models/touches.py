@@ -32,7 +32,7 @@ from trunnion.machine.chain import Chain
 from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.machine.geometry import made_with
-from trunnion.models.slips import SLIP, TURN, SlipTurn, turned_apart
+from trunnion.models.slips import SLIP, TURN, SlipTurn, show_a_turn, turned_apart
 from trunnion.models.touch_description import TouchDescription, nominal_mm
 from trunnion.models.warming import settled
 from trunnion.probing.identify import mistakes_in
@@ -175,8 +175,8 @@ class TouchDiagnosisModel(Model):
         slip = effects.get(SLIP, {})
         if turned := slip.get(TURN, 0.0):
             values = values.copy()
-            values[self._plain - 1] += turned
             after = np.asarray(self.data.time_s) >= slip["t0_s"]
+            values[self._plain - 1] += turned * show_a_turn(after)
             left = np.where(after, self._residuals(ids, values), left)
         out: Floats = self.readings.values - left
         for e in self._own:
@@ -244,14 +244,23 @@ class TouchDiagnosisModel(Model):
             return super().linear_columns(nuisance, effect, values)
         columns = self._all_columns(nuisance)[self._linear[effect.id]]
         if effect.id in self._searched:
-            return columns * self._share(effect, values)
+            share = self._share(effect, values)
+            return self._turned(effect, columns * share, share)
         return columns[None] if len(values) == 1 else np.repeat(columns[None], len(values), axis=0)
 
     def _in_force(self, effect: Effect, columns: Floats, values: Mapping[str, float]) -> Floats:
         """Columns (k, n) of an effect from its moment on, where it has one."""
         if self._searched.get(effect.id) != "moment":
             return columns
-        return np.asarray(columns * self._share(effect, [values])[0])
+        share = self._share(effect, [values])
+        return np.asarray(self._turned(effect, columns * share, share)[0])
+
+    def _turned(self, effect: Effect, columns: Floats, share: Floats) -> Floats:
+        """Columns (v, k, n) of a slip, which turns where touches on both sides show it."""
+        if effect.id == SLIP and self._turns:
+            at = self._columns[SLIP].index(self._plain - 1)
+            columns[:, at] *= [[show_a_turn(one[0])] for one in share]
+        return columns
 
     def _share(self, effect: Effect, values: Sequence[Mapping[str, float]]) -> Floats:
         """What is there at each touch of an effect that begins or comes to its end, (v, 1, n).

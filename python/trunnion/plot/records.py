@@ -8,7 +8,7 @@ from trunnion.base.units import capital, unit_of
 from trunnion.diagnosis.contributions import Contribution
 from trunnion.diagnosis.records import NO_CAUSE, Cause, Gain
 from trunnion.diagnosis.structure import Structure
-from trunnion.diagnosis.ways import in_words
+from trunnion.diagnosis.ways import is_angle
 from trunnion.models.next_measurement import NextMeasurement
 from trunnion.models.next_passes import MIN_DISTANCE, NextPass
 from trunnion.models.next_touches import ExpectedDiscrimination
@@ -72,12 +72,13 @@ def structure_pictures(s: Structure) -> list[Picture]:
         high = low + effect.turn
     at = np.linspace(low, high, PLACES)
     curve = fixed.columns_at(at) @ np.array(list(values.values()))
-    where = in_words(effect.component, " along ")
+    where = f" along {effect.component}" if effect.component else ""
+    changed = f"the {effect.component}" if is_angle(effect.component) else f"a reading{where}"
     return [
         Picture(
             capital(effect.label),
             Axis(capital(effect.covariate), effect.unit),
-            Axis(f"Change of a reading{where}", effect.reading_unit),
+            Axis(f"Change of {changed}", effect.reading_unit),
             (
                 line([low, high], [0.0, 0.0], colour=MUTED, width=0.8),
                 line(at, curve, "fitted", colour=BLUE, width=2.2),
