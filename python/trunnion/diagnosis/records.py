@@ -26,7 +26,7 @@ from trunnion.diagnosis.model import Covariate, Model, Readings
 
 Verdict: TypeAlias = Literal["consistent", "explained", "ambiguous", "unexplained"]
 
-MAX_PARAMETERS = 5  # of a cause: of more the largest is stated
+MAX_PARAMETERS = 7  # of a cause: of more the largest is stated
 MIN_P = 0.001  # smaller ones are called so
 MAX_ROWS = 12  # of a table of readings
 MAX_WORST = 3  # errors that are stated to be in doubt

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any, NoReturn
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats
@@ -24,7 +25,7 @@ MIN_TO_TURN = 12
 explains what a shift does."""
 
 
-def show_a_turn(after: Floats) -> bool:
+def show_a_turn(after: NDArray[Any]) -> bool:
     """Whether there are enough touches on both sides of a slip; ``after``: 1 from it on, (n,)."""
     count = int(np.count_nonzero(after))
     return min(count, len(after) - count) >= MIN_TO_TURN
