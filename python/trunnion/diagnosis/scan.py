@@ -241,14 +241,14 @@ class Dictionary:
         for x in self.quantities or every:
             v = x.covariate
             has = None if v.known is None else v.known[self._rows[x.some]]
-            every = list(x.enter)[:1] if v.classes else list(x.enter)
-            shown = Shown(x, every)
+            all_ways = list(x.enter)[:1] if v.classes else list(x.enter)
+            shown = Shown(x, all_ways)
             for functions, terms in functions_of(x, has):
                 if not len(functions):
                     continue
-                ways = every
+                ways = all_ways
                 if not v.classes and terms[0].kind == "class":
-                    ways = [way for way in every if is_angle(way)]
+                    ways = [way for way in all_ways if is_angle(way)]
                 first = {}
                 for some in terms:
                     self._said.append(_Terms(self.count, v, some.kind, some.numbers, ways))
