@@ -11,7 +11,7 @@ NEAR = 24  # places between two of the scan that are tried at a time
 ONE_BETWEEN = 2  # steps of the scan, of which each has one value between
 MAX_PLACES = 384  # places at which a jump is sought beside causes
 MAX_NUMBERS = 1 << 21  # numbers of these at once
-MOMENTS = 48, 400  # least and most moments at which a slip is sought
+MOMENTS = 48, 136  # least and most moments at which a slip is sought
 MOMENT_NUMBERS = 1 << 18  # values of one column at all of these, beyond the least
 FEW = 8  # of these, that compete with causes: each has its share of the odds
 
