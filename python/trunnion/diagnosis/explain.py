@@ -9,6 +9,7 @@ import numpy as np
 from trunnion.base.resolution import Floor
 from trunnion.diagnosis.alarms import CAUSE_LEVEL, Alarm, scatter
 from trunnion.diagnosis.behind import behind, expand
+from trunnion.diagnosis.cancelling import cancelling
 from trunnion.diagnosis.candidates import NAMING_LEVEL, Candidates
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Effect
@@ -268,7 +269,7 @@ def _demanded(case: Case) -> tuple[Probabilities, Fit, Alarm]:
         extended = _fit_set(case, candidates, chances.likeliest[0])
         # The probability of readings in steps says by itself whether a cause is there.
         bad = set() if searched.more else _undetermined(case, extended, searched)
-        if not bad:
+        if not (bad := bad or cancelling(case, extended)):
             return chances, extended, alarm
         candidates.ban(bad)
         first = first.without(bad)

@@ -31,7 +31,7 @@ from trunnion.machine.estimate import Estimate
 MAX_KINKS = 200  # places that are tried for a kink
 MIN_PLACES = 4
 FOLDS = 5
-SHARE_ONCE, SHARE_AGAIN = 0.2, 0.5  # smooth modes to places, read once or more often
+SHARE_ONCE, SHARE_AGAIN = 0.2, 1.0  # smooth modes to places, read once or more often: repeats tell
 SAME_PLACE = 1e-9  # feet
 MAX_DEGREE = 4
 PLACES_PER_DEGREE = 4
@@ -207,6 +207,10 @@ class LevelsModel(LinearModel):
             **self.estimated(effects, uncertainty, SURFACE),
         )
 
+    def left_by_places(self, effects: EffectValues) -> Mapping[tuple[str, str], float]:
+        """What a smooth shape leaves open of the straight part of its slopes: bow and twist."""
+        return _straight_part(self.data, self._frame, self.effects, effects)
+
     @property
     def remarks(self) -> tuple[str, ...]:
         """Say the twist as a whole, and what one orientation or one pass do not tell."""
@@ -346,6 +350,34 @@ def _kinks(rows: _Rows) -> list[Effect]:
             enters, label = rows.each(rows.sense), "kink of the line"
         shape = _Step(rows.place[:, axis], enters, feet)
         out.append(gridded(id_, [*names, at], shape.columns, label, slopes=shape.slopes))
+    return out
+
+
+def _straight_part(
+    data: Levels, frame: _Frame, candidates: Sequence[Effect], effects: EffectValues
+) -> dict[tuple[str, str], float]:
+    """Bow and twist that a smooth shape may have of its own, by effect and parameter.
+
+    It has no straight part by definition, as bow and twist make that. A hollow has one all the
+    same: as large as its smoothest modes, those before any one of them at most (root mean square).
+    """
+    if "field" not in effects or frame.smooth is None:
+        return {}
+    modes = frame.smooth.at(frame.scaled(data.stations[0]))
+    each = np.reshape([*effects["field"].values()], (len(data.components), -1))
+    squares = np.square(each) * np.mean(np.square(modes), axis=0)
+    before = np.cumsum(squares, axis=1) / np.arange(1, 1 + squares.shape[1])
+    largest = np.sqrt(before[:, 1:].max(axis=1, initial=0.0))
+    out: dict[tuple[str, str], float] = {}
+    for effect in candidates:
+        if effect.id not in ("bow", "twist") or effect.id not in effects:
+            continue
+        columns = effect.columns(effects[effect.id])
+        for p, column in zip(effect.parameters, columns.T, strict=True):
+            own = column.reshape(-1, len(largest)).T
+            sizes = np.sqrt(np.mean(np.square(own), axis=1))
+            acting = sizes > 0
+            out[effect.id, p.name] = float(np.max(largest[acting] / sizes[acting], initial=0.0))
     return out
 
 
