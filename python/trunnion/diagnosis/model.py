@@ -324,11 +324,12 @@ class Model:
         """Standard uncertainty by the choice of places, by effect and parameter: none."""
         return {}
 
-    def instrument_size(self, effect: Effect) -> float | None:  # noqa: ARG002
-        """Nominal size of the instrument whose error an effect is, mm.
+    def shape_left_open(self, _: EffectValues) -> Floats:
+        """What a shape without a name may hold as well as causes, of 1 sigma each, (n, k): none."""
+        return np.zeros((len(self.readings), 0))
 
-        Equal sizes in measurements of one kind are one instrument. None: this measurement's own.
-        """
+    def instrument_size(self, effect: Effect) -> float | None:  # noqa: ARG002
+        """Size (mm) of the instrument of an effect: equal ones of a kind are one; None: its own."""
         return None
 
     def effect(self, name: str) -> Effect:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain, combinations
 
 import numpy as np
 
 from trunnion.base.report import uncertainty
 from trunnion.base.units import Floats, capital
 from trunnion.diagnosis.case import Case
-from trunnion.diagnosis.effect import NamedValues
-from trunnion.diagnosis.explanation import Explanation
+from trunnion.diagnosis.effect import Effect, NamedValues
+from trunnion.diagnosis.explanation import Explanation, Sets
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.formula import PERIODIC, FormulaEffect
 from trunnion.diagnosis.functions import DEPENDENT
@@ -27,6 +28,7 @@ from trunnion.machine.effects import Owner
 TINY = 1e-300
 MAX_FURTHER = 3  # terms of structure beside the one that is stated
 SEEN_AGAIN = 2.0  # periods, from which readings show that a wave comes back and has no slope
+MIN_LISTED = 0.05  # probability of a set without a cause that is in doubt, to be stated
 SURE = 0.9  # of what is seen of a cause, from which a constant leaves it as it is
 
 
@@ -39,15 +41,18 @@ class LeftOpen:
     every:
         Of all that is fitted.
     constant:
-        The part of it that is the constant of a smooth curve, or the choice of places: no set of
-        causes was compared with it, as such a term is taken to be zero on average.
+        The part of it that is the constant of a smooth curve, the choice of places or the rest of a
+        shape: no set of causes was compared with it, as such a term is taken to be zero on average.
     places:
         The part of that which is the choice of places.
+    shape:
+        The part of it that is what a shape without a name may hold besides.
     """
 
     every: Floats
     constant: Floats
     places: Floats
+    shape: Floats
 
 
 def left_open(
@@ -68,8 +73,10 @@ def left_open(
     which further terms may be seen, as of several measurements each has structure of its own.
     """
     none, places = np.zeros_like(f.covariance), _by_places(kept, f)
+    shape = _by_shape(kept, f, variance)
+    known = places + shape
     if not e.terms or kept.dependent:
-        return LeftOpen(places, places, places)
+        return LeftOpen(known, known, places, shape)
     d = before.dictionary
     further = terms_one_by_one(d, f.white, f.basis, kept.floor, MAX_FURTHER)[0]
     others = [FormulaEffect.of_term(d.term(number), kept.model) for number, _ in further]
@@ -83,7 +90,7 @@ def left_open(
         moved = np.outer(off, off)
     terms = [first, *(_Term(kept, f, term, variance, absorbed) for term in others)]
     every = moved + np.sum([x.left_open for x in terms], axis=0)
-    return LeftOpen(every + places, first.constant + places, places)
+    return LeftOpen(every + known, first.constant + known, places, shape)
 
 
 def _by_places(kept: Case, f: Fit) -> Floats:
@@ -92,20 +99,56 @@ def _by_places(kept: Case, f: Fit) -> Floats:
     return np.diag([*np.zeros(len(f.nuisance)), *(known.get(name, 0.0) ** 2 for name in f.names)])
 
 
+def _by_shape(kept: Case, f: Fit, variance: float) -> Floats:
+    """Mean squares that the rest of a shape without a name leaves open, (p + k, p + k)."""
+    columns = kept.model.shape_left_open(f.effects)
+    if not columns.shape[1] or variance <= 0:
+        return np.zeros_like(f.covariance)
+    absorbed = f.covariance @ kept.white(f.jacobian).T
+    return _unseen(kept, f, columns, 1.0, variance, absorbed)
+
+
+def _unseen(
+    kept: Case, f: Fit, line: Floats, largest: float, variance: float, absorbed: Floats
+) -> Floats:
+    """Mean squares by columns (n, k), of sizes of about ``largest``, as far as none is seen.
+
+    ``variance``: of a white reading; ``absorbed``: by how much one moves each parameter.
+    """
+    line = kept.white(line)
+    seen = line - f.basis @ (f.basis.T @ line)
+    scale = max(variance, TINY)
+    free = np.linalg.inv(seen.T @ seen / scale + np.eye(line.shape[1]) / max(largest, TINY) ** 2)
+    mean = free @ (seen.T @ f.white) / scale
+    off = absorbed @ line
+    return np.asarray(off @ (free + np.outer(mean, mean)) @ off.T)
+
+
 def notes_of_open(
     kept: Case, f: Fit, open_: LeftOpen, std: Mapping[str, float], variance: float
 ) -> tuple[str, ...]:
     """Say of which errors and causes what is left open is most of the uncertainty."""
-    squares, own = np.diag(open_.places), np.diag(f.covariance) * variance
-    worst = [f.names[k - len(f.nuisance)] for k in np.flatnonzero(squares > own)]
-    causes = [kept.model.effect(id_) for id_ in dict.fromkeys(id_ for id_, _ in worst)]
+    causes = _mostly(kept, f, open_.places, variance)
     said = tuple(
         f"{capital(labelled(e.id, e.label))}: mostly uncertain by the choice of targets. What "
         "repeats at single targets may be a wave shorter than two steps between them, of which "
         "other targets show another slope; the same targets on both dates show the same."
         for e in causes
     )
-    return (*notes_of_structure(kept.model, open_.every, std), *said)
+    causes = _mostly(kept, f, open_.shape, variance)
+    more = (
+        f"{capital(labelled(e.id, e.label))}: mostly uncertain by the shape without a name beside "
+        "it, which may make a part of it or all of it."
+        for e in causes
+    )
+    return (*notes_of_structure(kept.model, open_.every, std), *said, *more)
+
+
+def _mostly(kept: Case, f: Fit, squares: Floats, variance: float) -> list[Effect]:
+    """Effects of a fit of which mean squares are larger than the variance by the noise."""
+    first, own = len(f.nuisance), np.diag(f.covariance) * variance
+    worst = (f.names[k - first] for k in np.flatnonzero(np.diag(squares) > own) if k >= first)
+    return [kept.model.effect(id_) for id_ in dict.fromkeys(id_ for id_, _ in worst)]
 
 
 def in_doubt(case: Case, e: Explanation, f: Fit, constant: Floats) -> Explanation:
@@ -130,7 +173,25 @@ def in_doubt(case: Case, e: Explanation, f: Fit, constant: Floats) -> Explanatio
         certain, known = (float(np.sqrt(size @ np.linalg.pinv(x) @ size)) for x in (own, both))
         if known < SURE * certain:
             out[j] = chance_in_doubt(e.candidates, j, certain, known)
-    return replace(e, probabilities=e.probabilities.in_doubt(out)) if out else e
+    if not out:
+        return e
+    e = replace(e, probabilities=e.probabilities.in_doubt(out))
+    return replace(e, sets=[*e.sets, *_without(e, out)])
+
+
+def _without(e: Explanation, doubtful: Collection[int]) -> Sets:
+    """Sets of an explanation without some causes that are in doubt, as far as they are probable."""
+    known = {frozenset(members) for members, *_ in e.sets}
+    out: Sets = []
+    for members, distance, rss in e.sets:
+        some = [j for j in doubtful if j in members]
+        for gone in chain.from_iterable(combinations(some, k + 1) for k in range(len(some))):
+            fewer = {j: v for j, v in members.items() if j not in gone}
+            new = bool(fewer) and frozenset(fewer) not in known
+            if new and e.probabilities.of_set(frozenset(fewer)) > MIN_LISTED:
+                known.add(frozenset(fewer))
+                out.append((fewer, distance, rss))
+    return out
 
 
 def _may_be_off(without: Fit, found: Fit) -> Floats:
@@ -207,15 +268,7 @@ class _Term:
         columns, size, _ = self._made
         used = kept.rows[np.abs(weight[kept.rows]) > np.abs(weight).max() / 2]
         largest = float(np.max(np.abs((columns @ size)[used] / weight[used]), initial=0.0))
-        line = kept.white(line)
-        seen = line - f.basis @ (f.basis.T @ line)
-        scale = max(self.variance, TINY)
-        free = np.linalg.inv(
-            seen.T @ seen / scale + np.eye(line.shape[1]) / max(largest, TINY) ** 2
-        )
-        mean = free @ (seen.T @ f.white) / scale
-        off = self.absorbed @ line
-        return np.asarray(off @ (free + np.outer(mean, mean)) @ off.T)
+        return _unseen(kept, f, line, largest, self.variance, self.absorbed)
 
 
 def _line(source: FormulaEffect, model: Model, weight: Floats) -> Floats:

@@ -207,9 +207,12 @@ class LevelsModel(LinearModel):
             **self.estimated(effects, uncertainty, SURFACE),
         )
 
-    def left_by_places(self, effects: EffectValues) -> Mapping[tuple[str, str], float]:
-        """What a smooth shape leaves open of the straight part of its slopes: bow and twist."""
-        return _straight_part(self.data, self._frame, self.effects, effects)
+    def shape_left_open(self, effects: EffectValues) -> Floats:
+        """The straight part that the slopes of a smooth shape may have, beside bow and twist."""
+        none = np.zeros((len(self.readings), 0))
+        return (
+            _straight_part(self.data, self._frame, effects["field"]) if "field" in effects else none
+        )
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -353,32 +356,23 @@ def _kinks(rows: _Rows) -> list[Effect]:
     return out
 
 
-def _straight_part(
-    data: Levels, frame: _Frame, candidates: Sequence[Effect], effects: EffectValues
-) -> dict[tuple[str, str], float]:
-    """Bow and twist that a smooth shape may have of its own, by effect and parameter.
+def _straight_part(data: Levels, frame: _Frame, field: Mapping[str, float]) -> Floats:
+    """Straight parts of the slopes of a smooth shape, along each direction, (N, k), of 1 sigma.
 
-    It has no straight part by definition, as bow and twist make that. A hollow has one all the
-    same: as large as its smoothest modes, those before any one of them at most (root mean square).
+    The modes have none: bow and twist make it. A hollow has one all the same, about as large as its
+    smoothest modes: as the largest mean square of the first so many of them.
     """
-    if "field" not in effects or frame.smooth is None:
-        return {}
-    modes = frame.smooth.at(frame.scaled(data.stations[0]))
-    each = np.reshape([*effects["field"].values()], (len(data.components), -1))
-    squares = np.square(each) * np.mean(np.square(modes), axis=0)
-    before = np.cumsum(squares, axis=1) / np.arange(1, 1 + squares.shape[1])
-    largest = np.sqrt(before[:, 1:].max(axis=1, initial=0.0))
-    out: dict[tuple[str, str], float] = {}
-    for effect in candidates:
-        if effect.id not in ("bow", "twist") or effect.id not in effects:
-            continue
-        columns = effect.columns(effects[effect.id])
-        for p, column in zip(effect.parameters, columns.T, strict=True):
-            own = column.reshape(-1, len(largest)).T
-            sizes = np.sqrt(np.mean(np.square(own), axis=1))
-            acting = sizes > 0
-            out[effect.id, p.name] = float(np.max(largest[acting] / sizes[acting], initial=0.0))
-    return out
+    if frame.smooth is None:
+        return np.zeros((len(data) * len(data.components), 0))
+    stations = frame.scaled(data.stations[0])
+    modes = np.mean(np.square(frame.smooth.at(stations)), axis=0)
+    squares = np.square(np.reshape([*field.values()], (len(data.components), -1))) * modes
+    means = np.cumsum(squares, axis=1) / np.arange(1, 1 + squares.shape[1])
+    sizes = np.sqrt(means[:, 1:].max(axis=1, initial=0.0))
+    rows = _Rows.of(data)
+    straight = frame.scaled(rows.place) / np.std(stations, axis=0)
+    each = [rows.each(rows.sense * column) * sizes for column in straight.T]
+    return np.concatenate(each, axis=1)
 
 
 @dataclass(frozen=True, eq=False)
