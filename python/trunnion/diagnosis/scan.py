@@ -338,13 +338,15 @@ class Dictionary:
 
         What a wave leaves of one a quarter of a period longer over the range would be explained by
         causes that are not there, and so would what a local error or a jump leaves of one beside
-        it. Waves in places have causes of their own, of any length.
+        it. Waves in places have causes of their own, of any length, but where these have sizes of
+        their own in each class of readings.
         """
         if term >= self.count:
             return np.concatenate([self.variants(i) for i in self.in_each(term)], axis=2)
         of = self.term(term)
         along = self._along(of)
-        if of.kind not in ("local", "jump") and (of.kind != "wave" or not along.sequence):
+        named = not along.sequence and all(e.spread is None for e in self._model.effects)
+        if of.kind not in ("local", "jump") and (of.kind != "wave" or named):
             return self.block(term)[None]
         values = np.asarray(along.values, dtype=np.float64)
         own = values[self._acting(along)]

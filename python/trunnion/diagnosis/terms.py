@@ -55,8 +55,11 @@ def one_term_score(case: Case, plain: Fit) -> float:
 def stands_for_causes(case: Case, best: Found) -> bool:
     """Whether one term explains more than a set, or about what several of its causes do together.
 
-    Causes that add up to a cubic none of them makes are a cubic, perhaps.
+    Causes that add up to a cubic none of them makes are a cubic, perhaps. One that has sizes of its
+    own in each class of readings may be what is alike in all of them.
     """
+    if any(case.effects[j].spread is not None for j in best.members):
+        return True
     if len(best.blocks) < 2:
         return False
     if one_term_score(case, case.plain) < best.score:
@@ -223,8 +226,9 @@ def _smooth(case: Case, term: int) -> int | None:
 def with_a_name(case: Case, terms: Sequence[int]) -> set[int]:
     """Terms that a cause alone makes: readings that show them show the cause.
 
-    Or, beside what is linear, all that any smooth function of their quantity makes. Of a term in
-    all components at once a cause of no more columns has to make just that: a knock nearly is a
+    Or, beside what is linear, all that any smooth function of their quantity makes. A cause of
+    sizes of its own in each class of readings makes a term if it does by one size in all: others
+    that agree are a coincidence. Of a term in all components at once a cause of no more columns has to make just that: a knock nearly is a
     drift, and what it does to each component tells which of the two.
     """
     if not terms:
@@ -233,18 +237,34 @@ def with_a_name(case: Case, terms: Sequence[int]) -> set[int]:
     rows = [_directions(case, term).T for term in terms]
     gains = c.gains(np.concatenate(rows).T)[np.isfinite(c.penalty)]
     rank = c.rank[np.isfinite(c.penalty)]
+    blocks = np.flatnonzero(np.isfinite(c.penalty))
     each = np.split(gains, np.cumsum([len(x) for x in rows])[:-1], axis=1)
     found = set[int]()
     for term, own, made in zip(terms, rows, each, strict=True):
         nearly = (rank > len(own)) | (term < case.dictionary.count)
         least = np.where(nearly, SAME**2, 1.0 - SAME_SHARE)
-        if not len(own) or np.any(made.mean(axis=1) > least):
+        seen = made.mean(axis=1) if len(own) else np.ones(len(rank))
+        for b in np.flatnonzero((seen > least) & (rank > len(own))).tolist():
+            seen[b] = min(seen[b], _of_one_size(case, int(blocks[b]), own))
+        if np.any(seen > least) or not len(own):
             found.add(term)
     in_each = {i: case.dictionary.in_each(i) for i in terms if i not in found}
     smooth = {k: _smooth(case, k) for every in in_each.values() for k in every}
     widest = {k for k in smooth.values() if k is not None}
     made_by_one = {k for k in widest if c.makes_any(case.dictionary.block(k), basis)}
     return found | {i for i, every in in_each.items() if {smooth[k] for k in every} <= made_by_one}
+
+
+def _of_one_size(case: Case, block: int, directions: Floats) -> float:
+    """Share of directions (k, n) that a block makes by one size in all classes of readings."""
+    c, basis = case.candidates, case.plain.basis
+    j = int(c.owner[block])
+    spread = case.effects[j].spread
+    if spread is None:
+        return 1.0
+    made = case.white(spread.functions(case.values[j][int(c.variant[block])]).T)
+    own = np.linalg.qr(made - basis @ (basis.T @ made))[0]
+    return float(np.mean(np.sum((directions @ own) ** 2, axis=1)))
 
 
 def holding_causes(case: Case, terms: Sequence[int]) -> set[int]:
