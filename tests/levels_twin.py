@@ -135,25 +135,17 @@ def _fold(axis: int) -> Callable[[Way, Rng], Floats]:
 
 
 def _shape(way: Way, rng: Rng) -> Floats:
-    """Waves longer than half of it, beside twist and bow: of a surface, or of pitch and roll."""
+    """Waves longer than half of it, of a surface, or of pitch and roll.
+
+    Part of such a wave is straight where it is short of a whole number: no bow and no twist.
+    """
     first, phase = rng.uniform(0.9, 2.0, 2) / np.ptp(way.x), rng.uniform(0, 6.28, 2)
     if way.grid:
         second = rng.uniform(0.5, 1.2) / np.ptp(way.y)
-        made = way.read(
+        return way.read(
             lambda x, y: 100 * np.sin(2 * np.pi * (first[0] * x + second * y) + phase[0])
         )
-    else:
-        made = way.sense[:, None] * np.sin(2 * np.pi * np.outer(way.x, first) + phase)
-    plain = [_twist(way, rng), *(_arc(way, i) for i in range(1 + way.grid))]
-    inclined = [np.outer(way.sense, e) for e in np.eye(2)]
-    design = np.column_stack([one.ravel() for one in (*plain, *inclined)])
-    flat = made.ravel()
-    return (flat - design @ np.linalg.lstsq(design, flat, rcond=None)[0]).reshape(-1, 2)
-
-
-def _arc(way: Way, axis: int) -> Floats:
-    place = (way.x, way.y)[axis]
-    return np.outer(way.sense * (place - place.mean()), np.eye(2)[axis])
+    return way.sense[:, None] * np.sin(2 * np.pi * np.outer(way.x, first) + phase)
 
 
 ON_A_LINE: dict[str, Callable[[Way, Rng], Floats]] = {

@@ -324,9 +324,9 @@ class Model:
         """Standard uncertainty by the choice of places, by effect and parameter: none."""
         return {}
 
-    def shape_left_open(self, _: EffectValues) -> Floats:
-        """What a shape without a name may hold as well as causes, of 1 sigma each, (n, k): none."""
-        return np.zeros((len(self.readings), 0))
+    def supposed(self, _: EffectValues) -> Mapping[str, Floats]:
+        """What may act and is no candidate, in words: columns of 1 sigma each, (n, k); nothing."""
+        return {}
 
     def instrument_size(self, effect: Effect) -> float | None:  # noqa: ARG002
         """Size (mm) of the instrument of an effect: equal ones of a kind are one; None: its own."""

@@ -41,18 +41,18 @@ class LeftOpen:
     every:
         Of all that is fitted.
     constant:
-        The part of it that is the constant of a smooth curve, the choice of places or the rest of a
-        shape: no set of causes was compared with it, as such a term is taken to be zero on average.
+        The part of it that is the constant of a smooth curve, the choice of places or supposed: no
+        set of causes was compared with it, as such a term is taken to be zero on average.
     places:
         The part of that which is the choice of places.
-    shape:
-        The part of it that is what a shape without a name may hold besides.
+    supposed:
+        The parts of it that are what may act and is no candidate, in words (`Model.supposed`).
     """
 
     every: Floats
     constant: Floats
     places: Floats
-    shape: Floats
+    supposed: Mapping[str, Floats]
 
 
 def left_open(
@@ -73,10 +73,10 @@ def left_open(
     which further terms may be seen, as of several measurements each has structure of its own.
     """
     none, places = np.zeros_like(f.covariance), _by_places(kept, f)
-    shape = _by_shape(kept, f, variance)
-    known = places + shape
+    supposed = _supposed(kept, f, variance)
+    known = np.sum([places, *supposed.values()], axis=0)
     if not e.terms or kept.dependent:
-        return LeftOpen(known, known, places, shape)
+        return LeftOpen(known, known, places, supposed)
     d = before.dictionary
     further = terms_one_by_one(d, f.white, f.basis, kept.floor, MAX_FURTHER)[0]
     others = [FormulaEffect.of_term(d.term(number), kept.model) for number, _ in further]
@@ -90,7 +90,7 @@ def left_open(
         moved = np.outer(off, off)
     terms = [first, *(_Term(kept, f, term, variance, absorbed) for term in others)]
     every = moved + np.sum([x.left_open for x in terms], axis=0)
-    return LeftOpen(every + known, first.constant + known, places, shape)
+    return LeftOpen(every + known, first.constant + known, places, supposed)
 
 
 def _by_places(kept: Case, f: Fit) -> Floats:
@@ -99,13 +99,14 @@ def _by_places(kept: Case, f: Fit) -> Floats:
     return np.diag([*np.zeros(len(f.nuisance)), *(known.get(name, 0.0) ** 2 for name in f.names)])
 
 
-def _by_shape(kept: Case, f: Fit, variance: float) -> Floats:
-    """Mean squares that the rest of a shape without a name leaves open, (p + k, p + k)."""
-    columns = kept.model.shape_left_open(f.effects)
-    if not columns.shape[1] or variance <= 0:
-        return np.zeros_like(f.covariance)
+def _supposed(kept: Case, f: Fit, variance: float) -> dict[str, Floats]:
+    """Mean squares that what may act and is no candidate leaves open, each (p + k, p + k)."""
     absorbed = f.covariance @ kept.white(f.jacobian).T
-    return _unseen(kept, f, columns, 1.0, variance, absorbed)
+    return {
+        said: _unseen(kept, f, columns, 1.0, variance, absorbed)
+        for said, columns in kept.model.supposed(f.effects).items()
+        if columns.shape[1] and variance > 0
+    }
 
 
 def _unseen(
@@ -135,11 +136,11 @@ def notes_of_open(
         "other targets show another slope; the same targets on both dates show the same."
         for e in causes
     )
-    causes = _mostly(kept, f, open_.shape, variance)
     more = (
-        f"{capital(labelled(e.id, e.label))}: mostly uncertain by the shape without a name beside "
-        "it, which may make a part of it or all of it."
-        for e in causes
+        f"{capital(labelled(e.id, e.label))}: mostly uncertain by {what}, which may make a part of "
+        "it or all of it."
+        for what, squares in open_.supposed.items()
+        for e in _mostly(kept, f, squares, variance)
     )
     return (*notes_of_structure(kept.model, open_.every, std), *said, *more)
 

@@ -31,6 +31,7 @@ from trunnion.diagnosis.waves import WAVES_BETWEEN, waves
 from trunnion.diagnosis.ways import in_words, is_angle
 from trunnion.diagnosis.whitening import Scaling, Whiten, identity
 
+AMONG_PLACES = np.linspace(-0.25, 0.25, 17)  # waves: finer, beside a cause of many columns
 SCAN_LEVEL = 0.01
 UNNAMED_TERM_PENALTY = 10.0  # a term has to explain exp(5) times better than causes do
 
@@ -360,7 +361,8 @@ class Dictionary:
             widths = np.repeat(TIMES_WIDTH, len(BESIDE_PLACE)) * width
             columns = local(values, places[:, None], widths[:, None], along.period)[:, None]
         else:
-            counts = (high - low) / float(str(of.number)) + WAVES_BETWEEN
+            between = WAVES_BETWEEN if along.sequence else AMONG_PLACES
+            counts = (high - low) / float(str(of.number)) + between
             columns = waves(np.pi * counts, over_range(values, low, high)).transpose(1, 0, 2)
         return self._white(of, along, columns)
 

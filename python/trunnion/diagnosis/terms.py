@@ -228,8 +228,9 @@ def with_a_name(case: Case, terms: Sequence[int]) -> set[int]:
 
     Or, beside what is linear, all that any smooth function of their quantity makes. A cause of
     sizes of its own in each class of readings makes a term if it does by one size in all: others
-    that agree are a coincidence. Of a term in all components at once a cause of no more columns has to make just that: a knock nearly is a
-    drift, and what it does to each component tells which of the two.
+    that agree are a coincidence. Of a term in all components at once a cause of no more columns has
+    to make just that: a knock nearly is a drift, and what it does to each component tells which of
+    the two.
     """
     if not terms:
         return set()

@@ -245,12 +245,11 @@ class _Cause:
             low, high = max(self._pass_time(), 1e-6) / 15, 2 * longest
             count = TIME_CONSTANTS * np.log(high / low) / np.log(30.0)
             return tuple(np.geomspace(low, high, int(np.ceil(count - 1e-9))).tolist())
-        # From two waves over the part to what two and a half readings of one pass still show: of
-        # passes that have sizes of their own the places between each other's say nothing.
+        # From two waves over the part to what two and a half readings of one pass still show.
         span = max(float(np.ptp(cuts[:, 1])), 1e-6)
-        steps = [_step(some[:, 1]) for some in self._cuts]
-        most = max(2.5, (span / max(min(steps), 1e-6) + 1) / 2.5)
-        waves = np.arange(2.0, min(most, 100.0), WAVE_STEP)
+        places = [np.unique(np.round(some[:, 1], 6)) for some in self._cuts]
+        step = min(float(np.ptp(x)) / max(len(x) - 1, 1) or np.inf for x in places)
+        waves = np.arange(2.0, min(max(2.5, (span / step + 1) / 2.5), 100.0), WAVE_STEP)
         return tuple((span / waves[::-1]).tolist())
 
     @cached_property
@@ -328,12 +327,6 @@ class _Cause:
         time = self.cuts[:, 2]
         labels = _labels(self.data.pass_, len(time))
         return max(float(np.ptp(time[labels == label])) for label in _in_order(labels))
-
-
-def _step(length: Floats) -> float:
-    """Mean distance of the places of a pass, mm."""
-    places = np.unique(np.round(length, 6))
-    return float(np.ptp(places)) / max(len(places) - 1, 1) or np.inf
 
 
 def _catalogue(data: Diameters, conditions: Conditions, reference: _Reference) -> list[Effect]:

@@ -42,10 +42,13 @@ NOT_TURNED = (
     "The instrument was not turned by 180 degrees: its zero and the inclination of the surface are "
     "not distinguished."
 )
+DRIFT_UM_M_H = 10.0  # 1 sigma, of a level that no reading says anything of
+SECONDS = 30.0  # from one reading to the next, where no time was recorded
 NO_DRIFT = (
     "Places were read in their order, once or there and back with the instrument turned: a drift "
-    "of the instrument would look like a twist and a bow, and is not looked for. Read them twice "
-    "in the same order to tell."
+    "of the instrument would look like a twist and a bow, and is not looked for. Bow and twist are "
+    f"uncertain by one of {DRIFT_UM_M_H:g} µm/m per hour (1 σ). Read the places twice in the same "
+    "order to tell."
 )
 
 
@@ -207,12 +210,17 @@ class LevelsModel(LinearModel):
             **self.estimated(effects, uncertainty, SURFACE),
         )
 
-    def shape_left_open(self, effects: EffectValues) -> Floats:
-        """The straight part that the slopes of a smooth shape may have, beside bow and twist."""
-        none = np.zeros((len(self.readings), 0))
-        return (
-            _straight_part(self.data, self._frame, effects["field"]) if "field" in effects else none
-        )
+    def supposed(self, effects: EffectValues) -> Mapping[str, Floats]:
+        """A drift that bow and twist look like, and what is straight in the slopes of a shape."""
+        out = dict[str, Floats]()
+        if "field" in effects:
+            out["the smooth shape beside it"] = _straight_part(
+                self.data, self._frame, effects["field"]
+            )
+        if _elapsed(self.data) is None:
+            rows = _Rows.of(self.data)
+            out["a drift of the level"] = rows.each(DRIFT_UM_M_H * _hours(self.data)[rows.row])
+        return out
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -257,6 +265,12 @@ def _elapsed(data: Levels) -> tuple[str, Floats] | None:
     shape = np.hstack([np.ones_like(s), s, s * data.places_mm])
     off = time - shape @ np.linalg.lstsq(shape, time, rcond=None)[0]
     return (unit, time) if off @ off > MIN_APART * len(time) * float(np.var(time)) else None
+
+
+def _hours(data: Levels) -> Floats:
+    """Time of each row since the first, h; about, where none was recorded."""
+    seconds = SECONDS * np.arange(len(data)) if data.time_s is None else data.time_s
+    return np.asarray((seconds - np.min(seconds)) / 3600.0, dtype=np.float64)
 
 
 def _covariates(rows: _Rows) -> tuple[Covariate, ...]:

@@ -1,0 +1,82 @@
+"""A hollow is no kink and no bow; a drift that looks like a bow leaves it in doubt."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import trunnion as tn
+from twin.forward import Floats
+
+SEEDS = range(6)
+FEET = 100.0
+Rise = Callable[[Floats], Floats]
+
+
+def _bed(
+    rng: np.random.Generator, height: Rise, drift: float = 0.0, twist: float = 0.0
+) -> tn.Levels:
+    """A bed of 2 m read there and back, the level turned for the way back: rises over its feet.
+
+    height: µm, at mm. drift: µm/m an hour, a reading takes 25 s. twist: µm/m per mm, across.
+    """
+    place = FEET / 2 + FEET * np.arange(20)
+    place = np.concatenate([place, place[::-1]])
+    sense = np.repeat([1.0, -1.0], 20)
+    time = 25.0 * np.arange(40)
+    slope = (height(place + FEET / 2) - height(place - FEET / 2)) / (1e-3 * FEET)
+    moved = drift * time / 3600
+    along = sense * (slope + 60) + 12 + moved
+    across = sense * (twist * (place - 1000) - 30) - 6 + moved
+    noise = 0.5 * rng.standard_normal((2, 40))
+    read = np.round((np.stack([along, across]) + noise) / 0.2) * 0.2
+    return tn.Levels(
+        position_mm=place,
+        along_um_m=read[0],
+        across_um_m=read[1],
+        turn_deg=np.where(sense > 0, 0, 180),
+        time_s=time,
+    )
+
+
+def _arc(x: Floats) -> Floats:
+    return 8 * (1 - ((x - 1000) / 1000) ** 2)
+
+
+def _named(found: tn.Diagnosis, least: float = 0.9) -> set[str]:
+    return {c.id for c in found.causes if c.probability > least}
+
+
+@pytest.mark.parametrize(("depth", "wide"), [(6.0, 150.0), (20.0, 150.0), (6.0, 90.0)])
+def test_a_hollow_is_no_kink_and_no_bow(depth: float, wide: float) -> None:
+    for seed in SEEDS:
+        rng = np.random.default_rng(seed)
+        middle = rng.uniform(500, 1400)
+        found = tn.diagnose(
+            _bed(rng, lambda x, m=middle: -depth * np.exp(-(((x - m) / wide) ** 2)))
+        )
+        assert _named(found) <= {"instrument_zero", "field"}
+        for cause in found.causes:  # nor is anything as large as ten hollows
+            assert cause.id != "bow" or abs(cause.parameters["h_um"]) < depth
+
+
+def test_a_drift_that_looks_like_a_bow_is_no_bow() -> None:
+    for seed in SEEDS:
+        rng = np.random.default_rng(seed)
+        found = tn.diagnose(_bed(rng, lambda x: 0 * x, drift=15.0))
+        assert _named(found) <= {"instrument_zero"}
+        assert any("drift of the level" in note for note in found.notes)
+
+
+def test_bow_twist_and_kink_are_named_all_the_same() -> None:
+    """Of usual sizes, and a bow beside waves that are short."""
+    for seed in SEEDS:
+        rng = np.random.default_rng(seed)
+        joint, phase = rng.uniform(700, 1300), rng.uniform(0, 6.28)
+        assert "bow" in _named(tn.diagnose(_bed(rng, _arc)))
+        assert "twist" in _named(tn.diagnose(_bed(rng, lambda x: 0 * x, twist=0.02)))
+        bent = _bed(rng, lambda x, j=joint: 0.02 * np.maximum(x - j, 0))
+        assert "kink" in _named(tn.diagnose(bent))
+        waves = _bed(rng, lambda x, p=phase: 4 * _arc(x) + np.sin(2 * np.pi * x / 600 + p))
+        both = tn.diagnose(waves)
+        assert {"bow", "field"} <= _named(both)
