@@ -1,6 +1,6 @@
 """Chatter is found at pitches that passes resolve, and is no wave of the place, alike in all."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pandas as pd
@@ -25,6 +25,11 @@ def _cut(rng: np.random.Generator, error: Error) -> pd.DataFrame:
         columns = {"z_mm": z, "error_um": np.round(read, 1), "pass": number + 1}
         passes.append(pd.DataFrame(columns | {"feed_sign": sign, "depth_mm": depth}))
     return pd.concat(passes, ignore_index=True)
+
+
+def _wave(size: float, pitch: float, phases: Sequence[float]) -> Error:
+    """A wave of the place, of a phase of its own in each pass."""
+    return lambda z, _, k: size * np.sin(2 * np.pi * z / pitch + phases[k])
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +60,7 @@ def test_a_wave_of_the_guide_is_no_chatter(setup: tn.Setup) -> None:
     for seed in SEEDS:
         rng = np.random.default_rng(seed)
         phase = rng.uniform(0, 6.28)
-        data = _cut(rng, lambda z, t, k, p=phase: 2 * np.sin(2 * np.pi * z / 20 + p))  # noqa: ARG005
+        data = _cut(rng, _wave(2.0, 20.0, [phase] * 4))
         assert _chatter(data, setup)[0] < 0.9
 
 
@@ -63,8 +68,7 @@ def test_a_wave_of_the_guide_is_no_chatter(setup: tn.Setup) -> None:
 def test_chatter_that_passes_resolve_is_named(setup: tn.Setup, pitch: float) -> None:
     for seed in SEEDS:
         rng = np.random.default_rng(seed)
-        phases = rng.uniform(0, 6.28, 4)
-        data = _cut(rng, lambda z, t, k, p=phases: 2.5 * np.sin(2 * np.pi * z / pitch + p[k]))  # noqa: ARG005
+        data = _cut(rng, _wave(2.5, pitch, rng.uniform(0, 6.28, 4).tolist()))
         probability, values, _ = _chatter(data, setup)
         assert probability > 0.9
         assert values["pitch_mm"] == pytest.approx(pitch, rel=0.02)

@@ -39,6 +39,18 @@ def _bed(
     )
 
 
+def _hollow(depth: float, wide: float, middle: float) -> Rise:
+    return lambda x: -depth * np.exp(-(((x - middle) / wide) ** 2))
+
+
+def _bent(joint: float) -> Rise:
+    return lambda x: 0.02 * np.maximum(x - joint, 0)
+
+
+def _bowed_waves(phase: float) -> Rise:
+    return lambda x: 4 * _arc(x) + np.sin(2 * np.pi * x / 600 + phase)
+
+
 def _arc(x: Floats) -> Floats:
     return 8 * (1 - ((x - 1000) / 1000) ** 2)
 
@@ -52,9 +64,7 @@ def test_a_hollow_is_no_kink_and_no_bow(depth: float, wide: float) -> None:
     for seed in SEEDS:
         rng = np.random.default_rng(seed)
         middle = rng.uniform(500, 1400)
-        found = tn.diagnose(
-            _bed(rng, lambda x, m=middle: -depth * np.exp(-(((x - m) / wide) ** 2)))
-        )
+        found = tn.diagnose(_bed(rng, _hollow(depth, wide, middle)))
         assert _named(found) <= {"instrument_zero", "field"}
         for cause in found.causes:  # nor is anything as large as ten hollows
             assert cause.id != "bow" or abs(cause.parameters["h_um"]) < depth
@@ -75,8 +85,8 @@ def test_bow_twist_and_kink_are_named_all_the_same() -> None:
         joint, phase = rng.uniform(700, 1300), rng.uniform(0, 6.28)
         assert "bow" in _named(tn.diagnose(_bed(rng, _arc)))
         assert "twist" in _named(tn.diagnose(_bed(rng, lambda x: 0 * x, twist=0.02)))
-        bent = _bed(rng, lambda x, j=joint: 0.02 * np.maximum(x - j, 0))
+        bent = _bed(rng, _bent(joint))
         assert "kink" in _named(tn.diagnose(bent))
-        waves = _bed(rng, lambda x, p=phase: 4 * _arc(x) + np.sin(2 * np.pi * x / 600 + p))
+        waves = _bed(rng, _bowed_waves(phase))
         both = tn.diagnose(waves)
         assert {"bow", "field"} <= _named(both)

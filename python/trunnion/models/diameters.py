@@ -247,7 +247,7 @@ class _Cause:
             return tuple(np.geomspace(low, high, int(np.ceil(count - 1e-9))).tolist())
         # From two waves over the part to what two and a half readings of one pass still show.
         span = max(float(np.ptp(cuts[:, 1])), 1e-6)
-        places = [np.unique(np.round(some[:, 1], 6)) for some in self._cuts]
+        places = [np.unique(np.round(some[:, 1], 6)) for some in self._cuts if len(some)]
         step = min(float(np.ptp(x)) / max(len(x) - 1, 1) or np.inf for x in places)
         waves = np.arange(2.0, min(max(2.5, (span / step + 1) / 2.5), 100.0), WAVE_STEP)
         return tuple((span / waves[::-1]).tolist())
