@@ -20,8 +20,8 @@ def _bed(
 
     height: µm, at mm. drift: µm/m an hour, a reading takes 25 s. twist: µm/m per mm, across.
     """
-    place = FEET / 2 + FEET * np.arange(20)
-    place = np.concatenate([place, place[::-1]])
+    place: Floats = FEET / 2 + FEET * np.arange(20.0)
+    place = np.asarray(np.concatenate([place, place[::-1]]), dtype=np.float64)
     sense = np.repeat([1.0, -1.0], 20)
     time = 25.0 * np.arange(40)
     slope = (height(place + FEET / 2) - height(place - FEET / 2)) / (1e-3 * FEET)
