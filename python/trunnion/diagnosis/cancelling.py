@@ -20,13 +20,16 @@ from trunnion.diagnosis.cross_validation import better
 from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.fit import Fit, fit
 
+NEXT_TO_NOTHING = 1e-3
+"""Of the sum of squares of the plain model: data without noise are judged by the count of causes."""
+
 
 def cancelling(case: Case, f: Fit) -> set[int]:
     """Cause of a fit that others cancel, and that predicts readings worst; none where all is well.
 
     Of those that make more than the plain model leaves: without it the others predict best.
     """
-    if case.dependent or not f.effects:
+    if case.dependent or not f.effects or f.rss < NEXT_TO_NOTHING * case.plain.rss:
         return set()
     large = [j for j, e in enumerate(case.effects) if e.id in f.effects and _large(case, f, e)]
     if not large:

@@ -36,11 +36,7 @@ FINEST_NOISE = 1e-3  # µm, arcsec, µm/m: no instrument resolves less, nor form
 
 @dataclass(frozen=True)
 class Nuisance:
-    """A parameter that is always fitted.
-
-    What belongs to the set-up (a placement, a ball centre) is fitted anew on other data; what
-    belongs to the machine (a location error) is kept.
-    """
+    """A parameter that is always fitted: what is the machine's is kept, others anew on new data."""
 
     name: str
     unit: str = ""
