@@ -21,7 +21,7 @@ from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.fit import Fit, fit
 
 NEXT_TO_NOTHING = 1e-3
-"""Of the sum of squares of the plain model: data without noise are judged by the count of causes."""
+"""Of the plain model's sum of squares: data without noise are judged by the count of causes."""
 
 
 def cancelling(case: Case, f: Fit) -> set[int]:
