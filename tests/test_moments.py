@@ -7,6 +7,8 @@ import numpy as np
 import trunnion as tn
 from power.study import draw_effects, ground
 from promise import kept, needed_runs
+from trunnion.diagnosis.effect import Effect, Parameter
+from trunnion.diagnosis.moments import determined
 from twin.forward import Truth
 from twin.generator import measure, random_errors, random_placement
 
@@ -97,3 +99,12 @@ def test_standard_errors_of_a_pitch_cover_another_one_that_fits_about_as_well() 
         ]
     assert len(off) > 80
     assert np.max(np.abs(off)) < 5.0
+
+
+def test_a_parameter_that_may_have_any_value_is_not_determined() -> None:
+    """It was stated as 0 ± 16000 min."""
+    tau = Parameter("tau_min", "min", (1.0, 3.0, 9.0))
+    effect = Effect("warmup", (Parameter("amplitude_um"), tau), lambda _: np.zeros(3))
+    known = {"amplitude_um": 2.4, "tau_min": 7.9}
+    assert determined(effect, known) == known
+    assert determined(effect, {**known, "tau_min": 16000.0}) == {**known, "tau_min": np.inf}

@@ -9,7 +9,7 @@ A covariance knows one optimum. Where a wave of another pitch, sampled at the sa
 about as well, each has the probability of its likelihood, beforehand alike.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 
 import numpy as np
@@ -111,6 +111,12 @@ def other_optima(case: Case, effect: Effect, f: Fit, variance: float) -> dict[st
         squares, weights = squares + weight * (there - fitted) ** 2, weights + weight
     off = np.sqrt(squares / weights)
     return {p.name: float(x) for p, x in zip(effect.parameters, off, strict=True) if x > 0}
+
+
+def determined(effect: Effect, std: Mapping[str, float]) -> dict[str, float]:
+    """Return standard errors; inf of a parameter that may have any value that is looked for."""
+    wide = [p.name for p in effect.parameters if p.grid and std[p.name] > max(p.grid) - min(p.grid)]
+    return {**std, **dict.fromkeys(wide, np.inf)}
 
 
 def _beside(case: Case, f: Fit, own: list[int], y: Floats) -> tuple[Floats | Spanned, Floats]:

@@ -20,7 +20,7 @@ from trunnion.diagnosis.explanation import Explanation
 from trunnion.diagnosis.fit import Fit, confounded, first_values, variant_columns
 from trunnion.diagnosis.in_steps import as_read
 from trunnion.diagnosis.model import Model, Uncertainty
-from trunnion.diagnosis.moments import moment_errors, other_optima
+from trunnion.diagnosis.moments import determined, moment_errors, other_optima
 from trunnion.diagnosis.open_structure import in_doubt, left_open, notes_of_open
 from trunnion.diagnosis.records import (
     RELATIVE,
@@ -496,4 +496,4 @@ def _std_errors(
     out = {q.name: float(s) for q, s in zip(effect.parameters, std, strict=True)}
     for name, off in other_optima(case, effect, f, variance).items():
         out[name] = float(np.hypot(out[name], off))
-    return out | moment_errors(case, effect, f, variance)
+    return determined(effect, out | moment_errors(case, effect, f, variance))
