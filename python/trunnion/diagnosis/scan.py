@@ -245,11 +245,11 @@ class Dictionary:
             all_ways = list(x.enter)[:1] if v.classes else list(x.enter)
             shown = Shown(x, all_ways)
             for functions, terms in functions_of(x, has):
-                if not len(functions):
-                    continue
                 ways = all_ways
                 if not v.classes and terms[0].kind == "class":
                     ways = [way for way in all_ways if is_angle(way)]
+                if not len(functions) or not ways:  # no reading shows an angle
+                    continue
                 first = {}
                 for some in terms:
                     self._said.append(_Terms(self.count, v, some.kind, some.numbers, ways))
