@@ -3,8 +3,8 @@
 Kinks, bows and the modes of a smooth shape are many to a few places. Some of them cancel to almost
 anything: a hollow between two places is a kink and a bow, each several times as large as all that
 was read, and what is left of them where they are taken apart at other places is as large, too. So
-where a cause makes more than the plain model leaves, the others have to cancel it. Such causes are
-taken for real where they predict readings from the others, and for as many as what they explain
+where a cause makes far more than the plain model leaves, the others have to cancel it. Such causes
+are taken for real where they predict readings from the others, and for as many as what they explain
 where the plain model alone predicts better.
 """
 
@@ -19,6 +19,7 @@ from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.cross_validation import better
 from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.fit import Fit, fit
+from trunnion.diagnosis.selection import CANCELLING
 
 NEXT_TO_NOTHING = 1e-3
 """Of the plain model's sum of squares: data without noise are judged by the count of causes."""
@@ -27,7 +28,7 @@ NEXT_TO_NOTHING = 1e-3
 def cancelling(case: Case, f: Fit) -> set[int]:
     """Cause of a fit that others cancel, and that predicts readings worst; none where all is well.
 
-    Of those that make more than the plain model leaves: without it the others predict best.
+    Of those that make far more than the plain model leaves: without it the others predict best.
     """
     if case.dependent or not f.effects or f.rss < NEXT_TO_NOTHING * case.plain.rss:
         return set()
@@ -41,14 +42,14 @@ def cancelling(case: Case, f: Fit) -> set[int]:
 
 
 def _large(case: Case, f: Fit, effect: Effect) -> bool:
-    """Whether an effect makes more than the plain model leaves, beside what is always fitted."""
+    """Whether an effect makes far more than the plain model leaves, beside what is always fitted."""
     if effect.expected:
         return False
     values = [f.effects[effect.id][p.name] if p.linear else 0.0 for p in effect.parameters]
     made: Floats = case.white(f.jacobian[:, case.columns_of(effect, f)] @ np.array(values))
     basis = case.plain.basis
     made = made - basis @ (basis.T @ made)
-    return float(made @ made) > case.plain.rss
+    return float(made @ made) > CANCELLING**2 * case.plain.rss
 
 
 def _missed(case: Case, f: Fit, without: Effect) -> float:
