@@ -42,7 +42,7 @@ def cancelling(case: Case, f: Fit) -> set[int]:
 
 
 def _large(case: Case, f: Fit, effect: Effect) -> bool:
-    """Whether an effect makes far more than the plain model leaves, beside what is always fitted."""
+    """Whether an effect makes far more than the plain model leaves, beside what always acts."""
     if effect.expected:
         return False
     values = [f.effects[effect.id][p.name] if p.linear else 0.0 for p in effect.parameters]
