@@ -106,7 +106,7 @@ class Outcome:
         if not d.alternatives or d.alternatives[0] != self.truth:
             return []
         return [
-            abs(c.parameters[p] - self.hidden[c.id][p]) <= 1.96 * c.std_errors[p]
+            abs(c.parameters[p] - self.hidden[c.id].get(p, 0.0)) <= 1.96 * c.std_errors[p]
             for c in d.causes
             for p in c.parameters
             if np.isfinite(c.std_errors[p])
