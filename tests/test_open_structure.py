@@ -254,4 +254,3 @@ def test_a_drift_that_begins_slowly_is_a_curve_of_time(seed: int) -> None:
     steady = tn.diagnose(data.with_columns(measured_mm=data.measured + 8e-3 * at))
     assert steady.named == {"drift"}
     assert not any("tell what both make together" in note for note in steady.notes)
-
