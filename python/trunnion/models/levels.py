@@ -31,7 +31,7 @@ from trunnion.machine.estimate import Estimate
 MAX_KINKS = 200  # places that are tried for a kink
 MIN_PLACES = 4
 FOLDS = 5
-SHARE_ONCE, SHARE_AGAIN = 0.2, 1.0  # smooth modes to places, read once or more often: repeats show them
+SHARE_ONCE, SHARE_AGAIN = 0.2, 1.0  # smooth modes to places, read once or more often
 SAME_PLACE = 1e-9  # feet
 MAX_DEGREE = 4
 PLACES_PER_DEGREE = 4
