@@ -47,7 +47,7 @@ def _chatter(data: pd.DataFrame, setup: tn.Setup) -> tuple[float, dict[str, floa
 
 def test_a_feed_of_the_wrong_sign_is_no_chatter_of_one_step(setup: tn.Setup) -> None:
     for seed in SEEDS:
-        data = _cut(np.random.default_rng(seed), lambda z, t, k: -15 * (1 - np.exp(-t / 10)))  # noqa: ARG005
+        data = _cut(np.random.default_rng(seed), lambda _z, t, _k: -15 * (1 - np.exp(-t / 10)))
         data.loc[data["pass"] == 2, "feed_sign"] = -1
         probability, values, verdict = _chatter(data, setup)
         assert probability < 0.9

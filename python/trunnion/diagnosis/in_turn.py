@@ -15,7 +15,8 @@ import numpy as np
 
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.case import Case
-from trunnion.diagnosis.effect import Effect
+from trunnion.diagnosis.effect import Effect, EffectValues
+from trunnion.diagnosis.linear_model import LinearModel
 from trunnion.diagnosis.model import Covariate, Model
 from trunnion.diagnosis.neighbours import Process
 from trunnion.diagnosis.records import with_unit
@@ -26,6 +27,21 @@ PARAMETERS = 2  # share and length
 SEEN = 0.02  # of the largest function of a family, what is a function of its own
 MADE = 1e-9  # of a column, what is rounding
 TINY = 1e-300
+
+
+class ReadInTurn(LinearModel):
+    """Readings one after the other, which may wander as no cause does."""
+
+    def correlated(
+        self,
+        nuisance: Floats,
+        effects: EffectValues,  # noqa: ARG002
+        used: Integers,
+        variance: float,  # noqa: ARG002
+        structure: Floats,  # noqa: ARG002
+    ) -> Correlated | None:
+        """Noise of readings that wander, if they do: whatever causes and structure are found."""
+        return wander_in_turn(self, nuisance, used)
 
 
 def wander_in_turn(model: Model, nuisance: Floats, used: Integers) -> Correlated | None:

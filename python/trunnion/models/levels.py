@@ -16,15 +16,13 @@ import numpy as np
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.rows import repeats
 from trunnion.base.smooth import Modes
-from trunnion.base.units import Flags, Floats, Integers
+from trunnion.base.units import Flags, Floats
 from trunnion.data.levels import COMPONENTS, Levels
 from trunnion.data.slopes import SAME_STEP
 from trunnion.diagnosis.effect import Effect, EffectLike, EffectValues, Parameter, gridded, linear
-from trunnion.diagnosis.in_turn import wander_in_turn
-from trunnion.diagnosis.linear_model import LinearModel
+from trunnion.diagnosis.in_turn import ReadInTurn
 from trunnion.diagnosis.model import FINEST_NOISE, Covariate, Model, Nuisance, Readings, Uncertainty
 from trunnion.diagnosis.own_effects import with_own
-from trunnion.diagnosis.whitening import Correlated
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 
@@ -143,7 +141,7 @@ class _Rows:
         return np.stack([np.where(self.has(c), values, 0.0) for c in self.data.components], axis=1)
 
 
-class LevelsModel(LinearModel):
+class LevelsModel(ReadInTurn):
     """Readings of a level, as the diagnosis engine asks for them.
 
     data: Measured angles. effects: further candidates, a user's own effects, or ids. frame: that of
@@ -185,17 +183,6 @@ class LevelsModel(LinearModel):
                 f"other data: got {type(data).__name__}, expected Levels of the same kind of places"
             )
         return LevelsModel(data, self._given, self._frame)
-
-    def correlated(
-        self,
-        nuisance: Floats,
-        effects: EffectValues,  # noqa: ARG002
-        used: Integers,
-        variance: float,  # noqa: ARG002
-        structure: Floats,  # noqa: ARG002
-    ) -> Correlated | None:
-        """Readings in turn may wander as no cause does (:mod:`trunnion.diagnosis.in_turn`)."""
-        return wander_in_turn(self, nuisance, used)
 
     def extended(
         self,

@@ -27,11 +27,9 @@ from trunnion.diagnosis.effect import (
     linear,
     periodic,
 )
-from trunnion.diagnosis.in_turn import wander_in_turn
-from trunnion.diagnosis.linear_model import LinearModel
+from trunnion.diagnosis.in_turn import ReadInTurn
 from trunnion.diagnosis.model import FINEST_NOISE, Covariate, Model, Nuisance, Readings, Uncertainty
 from trunnion.diagnosis.own_effects import with_own
-from trunnion.diagnosis.whitening import Correlated
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.models.warming import warmup
@@ -91,7 +89,7 @@ def _axis(data: Positioning) -> str | None:
     return None if data.axis is None else str(data.axis[0]).strip().lower()
 
 
-class PositioningModel(LinearModel):
+class PositioningModel(ReadInTurn):
     """Deviations of one axis, as the diagnosis engine asks for them.
 
     Parameters
@@ -183,17 +181,6 @@ class PositioningModel(LinearModel):
         at[index] = self.effect("curve").change(Values(effects["curve"]))
         size = (targets - targets.mean()) * (3600.0 if self.data.rotary else 1e3)
         return 1e6 * float(np.sqrt(_unlike_neighbours(targets, at) / np.sum(size**2)))
-
-    def correlated(
-        self,
-        nuisance: Floats,
-        effects: EffectValues,  # noqa: ARG002
-        used: Integers,
-        variance: float,  # noqa: ARG002
-        structure: Floats,  # noqa: ARG002
-    ) -> Correlated | None:
-        """Stops in turn may wander as no cause does (:mod:`trunnion.diagnosis.in_turn`)."""
-        return wander_in_turn(self, nuisance, used)
 
     def extended(
         self,
