@@ -23,6 +23,7 @@ FIGURES = Path(__file__).parent / "figures"
 COLUMNS = 6
 MAX_CURVES = 3
 BINS = 12
+OF_TIME = ("drift", "warmup", "setup_shift", "zero_shift")
 COLOURS = ("#1f4e79", "#c0392b", "#2e8b57")
 
 
@@ -38,7 +39,7 @@ def abscissa(effect: Effect, change: np.ndarray, recorded: dict[str, np.ndarray]
     A quantity that it needs, the position of its axis, or the recorded quantity whose groups or
     bins explain most of the change.
     """
-    timed = ("time_s",) if effect.id.startswith(("drift", "warmup", "setup_shift")) else ()
+    timed = ("time_s",) if effect.id.startswith(OF_TIME) else ()
     placed = ("target_mm",) if effect.id.startswith("reversal_") else ()
     for name in (*timed, *placed, *effect.info().needs, f"{effect.id.partition('_')[0]}_deg"):
         if name in recorded and not name.endswith("_dir"):

@@ -64,7 +64,14 @@ _LOST = (
     "no lost motion: after a reversal the axis goes too far (compensation set too large?)",
 )
 
+OF_BREAK = Family(
+    "measurement in two parts",
+    r"zero_shift_[xyz]",
+    "measure again in one go, or begin again after a break with readings that were taken before "
+    "it: what differs between the two is the shift.",
+)
 FAMILIES = (
+    OF_BREAK,
     Family(
         "friction at reversal",
         r"reversal_spike_.|friction_.|friction_direction_.|stribeck_.",
@@ -288,9 +295,9 @@ _OF_AXIS = re.compile(r"(\w+)_of_[abcxyz]")
 
 def family_of(id_: str, owner: Owner = Owner.MACHINE) -> Family:
     """Return the family of a cause, of one measurement or of several."""
-    if owner in OWNED:
-        return OWNED[owner]
     of = JointId.of(id_)
+    if owner in OWNED and not re.fullmatch(OF_BREAK.ids, of.cause):
+        return OWNED[owner]
     return _named(of.cause) if of.happened is None else HAPPENED[of.happened]
 
 

@@ -21,15 +21,16 @@ def places_of_jumps(distinct: Floats) -> Floats:
     return distinct[_step(distinct) :: _step(distinct)]
 
 
-def moments_tried(between: Floats, readings: int) -> tuple[float, ...]:
+def moments_tried(between: Floats, readings: int, also: float | None = None) -> tuple[float, ...]:
     """Moments, of some between readings, at which a slip is sought: all of few.
 
     A cause that jumps beside a wrong moment would explain the readings between: a backlash, where
-    the slip came as an axis turned back.
+    the slip came as an axis turned back. ``also``: in a break of the measurement.
     """
     least, most = MOMENTS
     count = min(most, max(least, MOMENT_NUMBERS // max(readings, 1)))
-    return tuple(map(float, between[:: max(1, len(between) // count)]))
+    some = between[:: max(1, len(between) // count)]
+    return tuple(map(float, some if also is None else np.union1d(some, [also])))
 
 
 def near(distinct: Floats, place: float) -> Floats:

@@ -266,7 +266,13 @@ class Diagnosis(Result):
             )
         else:
             model = self.rebuilt_model().bind(distinct_rows(other).data)
-        effects = self.effects
+        known = {e.id for e in model.effects}
+        owners = {} if self.model is None else self.model.owners
+        effects = {
+            k: v
+            for k, v in self.effects.items()
+            if k in known or not owners.get(k, Owner.MACHINE).of_setup
+        }
         lasting = self.structure
         if lasting is not None and lasting.effect.owner is not Owner.TIME:
             model = model_with(model, lasting.effect)

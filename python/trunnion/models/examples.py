@@ -62,6 +62,24 @@ def points() -> tuple[Points, None]:
     return Points(columns, time_s=30.0 * rows, group=rows * 2 // len(rows)), None
 
 
+def touches_in_two_parts() -> tuple[Touches, Setup]:
+    """The touches of the cross, with a break of an hour between them."""
+    data, setup = touches()
+    return data.with_columns(time_s=_with_a_break(data.time_s)), setup
+
+
+def points_in_two_parts() -> tuple[Points, None]:
+    """The points, with a break of an hour in the second measurement."""
+    data, _ = points()
+    return data.with_columns(time_s=_with_a_break(data.time_s)), None
+
+
+def _with_a_break(time_s: Any) -> Floats:
+    """Times (n,) of which the last quarter is an hour later."""
+    late = np.arange(len(time_s)) >= 3 * len(time_s) // 4
+    return np.asarray(time_s) + np.where(late, 3600.0, 0.0)
+
+
 def positioning() -> tuple[Positioning, None]:
     """Eleven targets, both directions, five cycles."""
     targets = np.linspace(0.0, 300.0, 11)

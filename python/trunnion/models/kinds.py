@@ -93,7 +93,9 @@ class Kind:
 _MORE_EXAMPLES = {
     "ballbar": ("hybrid_ballbar",),
     "levels": ("surface_levels",),
+    "points": ("points_in_two_parts",),
     "rotary_test": ("rotary_bars",),
+    "touches": ("touches_in_two_parts",),
 }
 
 

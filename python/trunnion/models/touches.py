@@ -32,11 +32,12 @@ from trunnion.machine.chain import Chain
 from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.machine.geometry import made_with
+from trunnion.models.breaks import ZeroShift, break_of, zero_shifts
 from trunnion.models.slips import SLIP, TURN, SlipTurn, show_a_turn, turned_apart
 from trunnion.models.touch_description import TouchDescription, nominal_mm
 from trunnion.models.warming import settled
 from trunnion.probing.identify import mistakes_in
-from trunnion.probing.inputs import inputs_of, stated_of, turning
+from trunnion.probing.inputs import OnMachine, inputs_of, stated_of, turning
 from trunnion.probing.lateness import DELAYS
 from trunnion.probing.model import (
     UNKNOWN_TICK,
@@ -145,9 +146,10 @@ class TouchDiagnosisModel(Model):
         self._left: dict[tuple[tuple[str, ...], bytes], Floats] = {}
         self._given = tuple(effects)
         self._stated = stated_of(setup)
-        named = [self._effect(i) for i in infos]
+        self._zeros = zero_shifts(data) if "drift_x" in self._columns else {}
+        named = [*map(self._effect, infos), *map(self._zero, self._zeros.values())]
         self.effects = with_own(named, effects, data, known=[i.id for i in known], described=self)
-        self._own = self.effects[len(named) :]
+        self._own = self.effects[len(infos) :]
         self._check_on_surface()
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -348,6 +350,11 @@ class TouchDiagnosisModel(Model):
             looks_like=ALL_AXES if info.id == "artefact_expansion" else "",
         )
 
+    def _zero(self, shift: ZeroShift) -> Effect:
+        """Present the shifted zero of an axis to the engine."""
+        machine = OnMachine(self._model(()), self.data, self._whole(self.start))
+        return shift.bound(self.data, machine)
+
     @cached_property
     def _times(self) -> Floats:
         """Distinct times of the touches, s."""
@@ -369,7 +376,7 @@ class TouchDiagnosisModel(Model):
                 len(between) > 4 * MIN_BESIDE_SLIP
             ):  # among the first or last touches it looks like bad ones
                 between = between[MIN_BESIDE_SLIP - 1 : -(MIN_BESIDE_SLIP - 1)]
-            moments = moments_tried(between, len(self.data))
+            moments = moments_tried(between, len(self.data), break_of(times))
             return Parameter(name, unit, moments or (float(times[0]),))
         minutes = max(float(times[-1] - times[0]), 1.0) / 60.0
         grid = np.geomspace(minutes / 20, 1.5 * minutes, DURATIONS)
@@ -439,7 +446,8 @@ class TouchDiagnosisModel(Model):
     ) -> ExtendedTouchModel:
         """Return errors, placement and effects by name, with the set-up."""
         named = {n.name: float(v) for n, v in zip(self.nuisance, nuisance, strict=True)}
-        own = {x.id: x for x in self._given if not isinstance(x, str) and isinstance(x, Hashable)}
+        given = [x for x in self._given if not isinstance(x, str) and isinstance(x, Hashable)]
+        own: dict[str, Any] = {**{x.id: x for x in given}, **self._zeros}
         fixed = [e.id for e in self._own if e.motion is None]
         known: dict[Any, dict[str, float]] = {own.get(k, k): dict(v) for k, v in effects.items()}
         owners = {e.id: e.owner for e in self.effects if e.id in effects}

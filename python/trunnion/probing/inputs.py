@@ -108,6 +108,15 @@ class OnMachine:
         """As a rotary axis stands further by 1 arcsec, by its letter."""
         return turning(self.model, self.model.moves(self.data), self.values)
 
+    def moved(self, letter: str) -> Floats:
+        """As the tool stands further along a linear axis by 1 µm; 0 of touches at time 0, (n,)."""
+        drift = TouchModel(self.model.setup, [f"drift_{letter}"], chain=self.model.chain)
+        values = np.append(self.values[: len(drift.names) - 1], 0.0)
+        moves = drift.moves(self.data)
+        column = np.asarray(drift.core.rates(moves, values[None], [len(values) - 1])).reshape(-1)
+        hours = np.asarray(self.data.time_s) / 3600.0
+        return np.where(hours == 0.0, 0.0, column / np.where(hours == 0.0, 1.0, hours))
+
     def placed(self, name: str) -> Floats:
         """As a parameter of the placement, by its name, is larger by 1."""
         at, moves = self.model.names.index(name), self.model.moves(self.data)

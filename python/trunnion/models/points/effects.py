@@ -30,11 +30,21 @@ from trunnion.diagnosis.effect import (
 from trunnion.diagnosis.jumps import moments_tried
 from trunnion.machine.effects import Owner
 from trunnion.machine.linear_axes import LinearMotion, Travel, angular, bow
+from trunnion.models.breaks import break_of, zero_shift
 from trunnion.models.points.geometry import AXES, Places, groups_of, places_of
 
 CATALOGUED = ("scale_x", "scale_y", "scale_z", "squareness_xy", "squareness_xz", "squareness_yz")
 """Ids that are in the catalogue of the machine, too."""
-OF_TIME = ("drift_x", "drift_y", "drift_z", "common_drift", "setup_shift")
+OF_TIME = (
+    "drift_x",
+    "drift_y",
+    "drift_z",
+    "common_drift",
+    "setup_shift",
+    "zero_shift_x",
+    "zero_shift_y",
+    "zero_shift_z",
+)
 COMMON_DEGREE = 6
 MIN_REPEATS = 20
 
@@ -120,6 +130,22 @@ class Drift:
 
 
 @dataclass(frozen=True)
+class ZeroShiftOfAxis:
+    """The zero of an axis shifts in the break of a measurement that was begun again."""
+
+    axis: int
+
+    def effect(self, points: Points, _: Places) -> Effect | None:
+        """Return the effect, bound to points; None if they were measured in one go."""
+        t0_s = None if points.time_s is None else break_of(points.time_s)
+        if t0_s is None:
+            return None
+        after = from_then_on(t0_s, _moments(points), groups_of(points)[1])
+        columns = _enter(points, self.axis, after.astype(float))
+        return zero_shift(AXES[self.axis], columns[:, None])
+
+
+@dataclass(frozen=True)
 class CommonDrift:
     """Part and instrument drift from each other, slowly and in any way, alike at all places.
 
@@ -154,7 +180,8 @@ class SetupShift:
         between = (moments[1:] + moments[:-1]) / 2
         if len(between) < 2:
             return None
-        grid = moments_tried(between, len(points) * points.dimension)
+        also = None if points.time_s is None else break_of(moments)
+        grid = moments_tried(between, len(points) * points.dimension, also)
         name = "row" if points.time_s is None else "t0_s"
         shape = ShiftShape(name, when, groups_of(points)[1], points.dimension, _turned(points))
         about = AXES[2 if points.dimension == 2 else 0 :]
@@ -223,7 +250,7 @@ def entries(dimension: int) -> list[Entry]:
     larger = LinearError("expansion", ("ppm",), expansion, _larger, Owner.WORKPIECE)
     out.append(replace(larger, looks_like=ALL_AXES))
     out += [Drift(i) for i in axes]
-    return [*out, SetupShift(), CommonDrift()]
+    return [*out, SetupShift(), *(ZeroShiftOfAxis(i) for i in axes), CommonDrift()]
 
 
 def catalogue(points: Points, places: Places) -> list[Effect]:

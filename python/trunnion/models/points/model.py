@@ -444,9 +444,9 @@ class ExtendedPoints(Estimate):
         nominal = points.nominal_mm
         out = np.zeros(nominal.size)
         for name, values in self.effects.items():
-            e = model.effect(name)
-            if name != "field" and (not e.owner.of_setup or points is self.source.data):
-                out += np.asarray(e.change(Values(values)), dtype=float)
+            owner = self.source.effect(name).owner
+            if name != "field" and (not owner.of_setup or points is self.source.data):
+                out += np.asarray(model.effect(name).change(Values(values)), dtype=float)
         error = out.reshape(nominal.shape)
         if smooth and self.smooth is not None:
             error = error + self.smooth.at(self.source._travel.used.field_places(nominal))
