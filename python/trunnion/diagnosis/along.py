@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.effect import Effect, Parameter, Values
-from trunnion.diagnosis.gains import gains_at
+from trunnion.diagnosis.gains import Variants, gains_at
 from trunnion.diagnosis.grid import best_place
 from trunnion.diagnosis.linearised import affine
 
@@ -33,12 +33,15 @@ def of_ratios(effect: Effect) -> Parameter | None:
 class Beside:
     """What else is fitted: the nuisance at which columns are made, and an orthonormal basis (n, q).
 
-    residual: Of the whitened readings that are used, beside the basis (n,).
+    residual: Of the whitened readings that are used, beside the basis (n,). kept: Columns beside
+    the first ``common`` directions of the basis, by effect and places: for all that is beside them.
     """
 
     nuisance: Floats
     basis: Floats
     residual: Floats
+    common: int = 0
+    kept: dict[tuple[str, bytes], Variants | None] = field(default_factory=dict)
 
     @property
     def rss(self) -> float:
@@ -60,6 +63,7 @@ class Along:
     beside: Beside
     places: Floats
     gains: Floats
+    _best: dict[int, tuple[float, float]] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -72,7 +76,22 @@ class Along:
         low, high = grid[cells], grid[cells + 1]
         places = np.unique(np.concatenate([low, np.sqrt(low * high), high]))
         new = cls(case, effect, free, beside, places, np.zeros(len(places)))
-        return replace(new, gains=new.at(places)) if new.smooth else new
+        columns = new._beside_common()
+        if columns is None:
+            return new
+        gains = columns.gains(beside.basis[:, beside.common :], beside.residual)
+        return replace(new, gains=gains)
+
+    def _beside_common(self) -> Variants | None:
+        """Columns at all places beside what is common; None: readings do not change with these."""
+        kept, key = self.beside.kept, (self.effect.id, self.places.tobytes())
+        if key not in kept:
+            kept[key] = None
+            if self.smooth:
+                common = self.beside.basis[:, : self.beside.common]
+                rows = self.columns(self.places).transpose(0, 2, 1)
+                kept[key] = Variants.of(rows - (rows @ common) @ common.T)
+        return kept[key]
 
     @property
     def smooth(self) -> bool:
@@ -122,6 +141,11 @@ class Along:
 
     def best_about(self, top: int) -> tuple[float, float]:
         """Most gain between the neighbours of a place, or a step beyond the last; and where."""
+        if top not in self._best:
+            self._best[top] = self._sought_about(top)
+        return self._best[top]
+
+    def _sought_about(self, top: int) -> tuple[float, float]:
         x = self.places
         low = x[top - 1] if top else x[0] ** 2 / x[1]
         high = x[top + 1] if top + 1 < len(x) else x[-1] ** 2 / x[-2]

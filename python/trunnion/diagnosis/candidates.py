@@ -40,6 +40,7 @@ DEPENDENT_INCOMPLETE = 1e-3
 NAMING_LEVEL = 0.01
 SMOOTH_DEGREE = 4  # up to which a cause makes all polynomials of a quantity, if it is any function
 MADE = 0.9  # of the variance of each
+NOT_MULTIPLIED = MappingProxyType[int, Floats]({}), 0
 NONE = np.zeros(0, dtype=np.intp)
 
 
@@ -111,6 +112,7 @@ class Candidates:
     _inner_products: Among  # of blocks that were asked for together
     _last: tuple[Floats, Floats] | None = None  # residuals and their products
     _known: "tuple[Candidates, int] | None" = None  # what these are beside, and its count of parts
+    _multiplied: tuple[Mapping[int, Floats], int] = NOT_MULTIPLIED  # gram rows of so many parts
 
     def _build(
         self,
@@ -159,6 +161,7 @@ class Candidates:
         new._parts = (*self._parts, *new._parts)
         new.count += self.count
         new._known = (self, len(self._parts))
+        new._multiplied = self._gram_rows, len(self._parts)
         new._lengths = dict(self._lengths)
         none = np.zeros(self.count)
         own = self.level * (self.level != self._shared_level / max(self.multiplicity, 1))
@@ -208,6 +211,9 @@ class Candidates:
         if self._last is not None:
             r, known = self._last
             new._last = r, np.concatenate([known, products(shelf.parts(), r)])
+        number = {start: b for b, start in enumerate(new.start.tolist())}
+        moved = ((number.get(int(self.start[b])), rows) for b, rows in self._gram_rows.items())
+        new._multiplied = {b: rows for b, rows in moved if b is not None}, len(self._parts)
         new._gram_rows, new._inner_products = {}, Among()  # blocks have other numbers
         new._lengths = {j: length for j, length in self._lengths.items() if j not in further}
         new._price(None)
@@ -374,11 +380,9 @@ class Candidates:
     def prepare(self, blocks: Iterable[int]) -> None:
         """Calculate :meth:`gram_rows` of several blocks at once."""
         missing = [b for b in dict.fromkeys(blocks) if b not in self._gram_rows]
-        first, begun = self._known or (None, 0)
-        begun = begun if len(self._basis) >= MANY_ROWS else 0  # few rows: the same sums as ever
-        known = {} if first is None or not begun else first._gram_rows
+        known, further = self._multiplied
         for some, parts in (
-            ([b for b in missing if b in known], self._parts[begun:]),
+            ([b for b in missing if b in known], self._parts[further:]),
             ([b for b in missing if b not in known], self._parts),
         ):
             if some:

@@ -169,9 +169,12 @@ def _fit_members(case: Case, members: dict[int, int]) -> Fit:
     return f
 
 
-def _explained(case: Case) -> Explanation:
-    """Find the sets of causes by the noise that they leave."""
-    chances, extended, alarm_cause = _demanded(case)
+def _explained(case: Case, after: Search | None = None) -> Explanation:
+    """Find the sets of causes by the noise that they leave.
+
+    ``after``: search to begin with, of candidates that are not banned.
+    """
+    first, chances, extended, alarm_cause = _demanded(case, after or search_between(case))
     plain, candidates = case.plain, case.candidates
     top, named = chances.search.top, chances.likeliest
     demanded = extended is not plain
@@ -194,7 +197,7 @@ def _explained(case: Case) -> Explanation:
             bad = {j for j, e in enumerate(case.effects) if e.id in idle}
             if bad := bad or _in_doubt_beside(case, terms, tried, extended):
                 candidates.ban(bad)
-                return _explained(case)
+                return _explained(case, first.without(bad))
             best, demanded = tried[0], bool(tried[0].members)
             known = {f.members for f in tried}
             named = [best] if terms else [*tried, *(f for f in named if f.members not in known)]
@@ -242,8 +245,8 @@ def with_behind(e: Explanation) -> Explanation:
     )
 
 
-def _demanded(case: Case) -> tuple[Probabilities, Fit, Alarm]:
-    """Search the sets of causes: those, and the fit of the likeliest.
+def _demanded(case: Case, first: Search) -> tuple[Search, Probabilities, Fit, Alarm]:
+    """Weigh the sets of causes of a search: the search, those, and the fit of the likeliest.
 
     The plain fit where no cause is demanded; with the test of all candidates. Causes are demanded
     where the plain model does not explain the readings about as well as they do. An effect that
@@ -251,7 +254,6 @@ def _demanded(case: Case) -> tuple[Probabilities, Fit, Alarm]:
     """
     # Which readings to leave out is a choice of its own, and takes half of the level.
     level = CAUSE_LEVEL if case.complete else CAUSE_LEVEL / 2
-    first = search_between(case)
     plain, candidates = case.plain, case.candidates
     while True:
         alarm = Alarm.of_causes(case)
@@ -265,12 +267,12 @@ def _demanded(case: Case) -> tuple[Probabilities, Fit, Alarm]:
             demanded = as_read < level
             alarm.p = min(alarm.p, as_read)
         if not searched.top.members or _sound(case) or not demanded:
-            return chances, plain, alarm
+            return first, chances, plain, alarm
         extended = _fit_set(case, candidates, chances.likeliest[0])
         # The probability of readings in steps says by itself whether a cause is there.
         bad = set() if searched.more else _undetermined(case, extended, searched)
         if not (bad := bad or cancelling(case, extended)):
-            return chances, extended, alarm
+            return first, chances, extended, alarm
         candidates.ban(bad)
         first = first.without(bad)
 

@@ -1,6 +1,9 @@
 """What columns explain of a residual beside an orthonormal basis, and where they explain most."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -33,19 +36,37 @@ def gains_beside(variants: Array, basis: Array | Spanned, residual: Array) -> Ar
 
     Each set of columns by itself, shape (v,). ``residual``: what the basis leaves, (n,).
     """
-    rows = variants.transpose(0, 2, 1)
-    v, k, n = rows.shape
-    flat = rows.reshape(-1, n)
-    whole, taken = rows @ variants, (flat @ basis).reshape(v, k, -1)
-    left = whole - taken @ taken.transpose(0, 2, 1)
-    own, before = (np.diagonal(x, axis1=1, axis2=2) for x in (left, whole))
-    size = np.sqrt(np.where(own > GONE * before, own, np.inf))
-    if k == 1:
-        return np.asarray((flat @ residual / size[:, 0]) ** 2)
-    share, ways = np.linalg.eigh(left / (size[:, :, None] * size[:, None]))
-    seen = share > RANK_TOLERANCE**2 * share.max(axis=1, initial=GONE, keepdims=True)
-    along = ((flat @ residual).reshape(v, 1, k) / size[:, None] @ ways)[:, 0]
-    return np.asarray(np.sum(np.where(seen, along**2 / np.where(seen, share, 1.0), 0.0), axis=1))
+    return Variants.of(variants.transpose(0, 2, 1)).gains(basis, residual)
+
+
+@dataclass(frozen=True, eq=False)
+class Variants:
+    """Sets of columns, one column a row (v, k, n), and their inner products (v, k, k)."""
+
+    rows: Array
+    products: Array
+
+    @classmethod
+    def of(cls, rows: Array) -> Variants:
+        """Those of columns (v, k, n)."""
+        return cls(rows, rows @ rows.transpose(0, 2, 1))
+
+    def gains(self, basis: Array | Spanned, residual: Array) -> Array:
+        """Drop of the RSS of a residual by each set beside an orthonormal basis, (v,)."""
+        v, k, n = self.rows.shape
+        flat = self.rows.reshape(-1, n)
+        taken = (flat @ basis).reshape(v, k, -1)
+        left = self.products - taken @ taken.transpose(0, 2, 1)
+        own, before = (np.diagonal(x, axis1=1, axis2=2) for x in (left, self.products))
+        size = np.sqrt(np.where(own > GONE * before, own, np.inf))
+        if k == 1:
+            return np.asarray((flat @ residual / size[:, 0]) ** 2)
+        share, ways = np.linalg.eigh(left / (size[:, :, None] * size[:, None]))
+        seen = share > RANK_TOLERANCE**2 * share.max(axis=1, initial=GONE, keepdims=True)
+        along = ((flat @ residual).reshape(v, 1, k) / size[:, None] @ ways)[:, 0]
+        return np.asarray(
+            np.sum(np.where(seen, along**2 / np.where(seen, share, 1.0), 0.0), axis=1)
+        )
 
 
 def zoom_one(name: str, grid: Array, values: Values, gains_of: Callable[[Array], Array]) -> None:

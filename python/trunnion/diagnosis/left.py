@@ -109,8 +109,10 @@ def left_one_by_one(case: Case) -> Left | None:
         white = white - own @ (own.T @ white)
     most = 0 if sizes is None else MAX_TERMS
     seen, white, basis = terms_one_by_one(d, white, basis, case.floor, most + 1)
-    if len(seen) > most or with_a_name(case, [number for number, _ in seen]):
+    if len(seen) > most:
         return None
+    named = with_a_name(case, [number for number, _ in seen])
+    unnamed = [(d.term(number), share) for number, share in seen if number not in named]
     rss, dof = float(white @ white), n - basis.shape[1]
     if sizes is None:
         after = _beside(case, causes.blocks)
@@ -129,7 +131,7 @@ def left_one_by_one(case: Case) -> Left | None:
         rows,
         (),
         plain.dof - dof,
-        depends_on([(d.term(number), share) for number, share in seen[:1]]) if seen else None,
+        depends_on(unnamed[:1]) if unnamed else None,
         case.linearised,
         case.whiten,
         case.grid,

@@ -8,7 +8,8 @@ wave beside a scale is sought beside the scale, or a curve takes the place of bo
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,16 +31,21 @@ LARGE = 30.0  # of -2 ln L, a gain of which a grid may miss what decides between
 COMPANIES = 4  # best sets, beside whose causes places are sought
 MAX_ROUNDS = 3
 
+_Places = tuple[tuple[float, ...], ...]  # candidate and place of each of some blocks
+_Key = tuple[_Places, _Places]  # beside which, and where
+
 
 def search_between(case: Case) -> Search:
     """Search the sets of causes of a case, at places that are best beside the others of a set.
 
     The candidates of the case have these places from then on.
     """
-    white, floor = case.plain.white, case.floor
+    white, basis, floor = case.plain.white, case.plain.basis, case.floor
     s = search(case.candidates, white, floor=floor)
+    alone = Beside(case.linearised.nuisance, basis, white, basis.shape[1])
+    looked_at = dict[_Key, Along]()
     for _ in range(0 if case.dependent else MAX_ROUNDS):
-        further = _beside_others(case, s)
+        further = _beside_others(case, s, alone, looked_at)
         if not further:
             break
         case.candidates = with_places(case, case.candidates, further)
@@ -48,32 +54,35 @@ def search_between(case: Case) -> Search:
     return s
 
 
-def _beside(case: Case, c: Candidates, blocks: Sequence[int]) -> Beside:
-    """What blocks of candidates and the nuisance leave."""
-    start, basis, r = case.linearised.nuisance, case.plain.basis, case.plain.white
+def _beside(alone: Beside, c: Candidates, blocks: Sequence[int]) -> Beside:
+    """What blocks of candidates leave of what the nuisance alone does."""
     if not blocks:
-        return Beside(start, basis, r)
-    columns = np.concatenate([c.columns(b) for b in blocks]).T
+        return alone
+    columns, r = np.concatenate([c.columns(b) for b in blocks]).T, alone.residual
     own = np.linalg.qr(columns.astype(np.float64))[0]
-    return Beside(start, np.concatenate([basis, own], axis=1), r - own @ (own.T @ r))
+    basis = np.concatenate([alone.basis, own], axis=1)
+    return replace(alone, basis=basis, residual=r - own @ (own.T @ r))
 
 
-def _beside_others(case: Case, s: Search) -> dict[int, Values]:
+def _beside_others(
+    case: Case, s: Search, alone: Beside, looked_at: dict[_Key, Along]
+) -> dict[int, Values]:
     """Places of candidates that are better beside others than those of a search, by their number.
 
-    A place is left only for one at which the sets that the candidate is in are better.
+    A place is left only for one at which the sets that the candidate is in are better. ``alone``:
+    what is fitted beside no candidate. ``looked_at``: what is known of searches before.
     """
-    c, found = s.c, dict[int, Values]()
-    scores, looked_at = _of_further(case, s), dict[tuple[tuple[int, ...], bytes], Along]()
+    c, scores, found = s.c, _of_further(case, s), dict[int, Values]()
     for rest, rss, known, near in _companies(s, few=len(case.plain.white) < MANY_ROWS):
         j = s.owner[near[0]]
         free = of_ratios(case.effects[j])
         if free is None:
             continue
-        key = (seen := _that_matter(c, rest, near)), near.tobytes()
+        seen = _that_matter(c, rest, near)
+        key = _places(case, c, seen), _places(case, c, near)
         if (along := looked_at.get(key)) is None:
             about = [case.values[j][v][free.name] for v in c.variant[near].tolist()]
-            along = Along.of(case, case.effects[j], free, _beside(case, c, seen), about)
+            along = Along.of(case, case.effects[j], free, _beside(alone, c, seen), about)
             looked_at[key] = along
         together = [*rest, int(near[0])]
         size, penalty = int(c.rank[together].sum()), float(c.penalty[together].sum())
@@ -88,6 +97,12 @@ def _beside_others(case: Case, s: Search) -> dict[int, Values]:
             if score <= (worst if along.on_grid(place) else min(worst, s.best - LOST)):
                 found[j], scores[j] = along.values(place), score
     return found
+
+
+def _places(case: Case, c: Candidates, blocks: Iterable[int]) -> _Places:
+    """Say where some blocks are."""
+    of = ((int(c.owner[b]), int(c.variant[b])) for b in blocks)
+    return tuple((j, *case.values[j][v].values()) for j, v in of)
 
 
 def _of_further(case: Case, s: Search) -> dict[int, float]:
@@ -126,12 +141,15 @@ def _companies(s: Search, *, few: bool) -> Iterator[tuple[tuple[int, ...], float
     """
     c, seen = s.c, set[tuple[frozenset[int], int]]()
     several = np.bincount(c.owner, minlength=c.count)[c.owner] >= MIN_PLACES
+    known_beside = dict[tuple[int, ...], tuple[float, Floats]]()
     left_out = ((f.blocks, (None, *f.blocks) if few else (None,)) for f in s.found[:COMPANIES])
     without = ((blocks, k) for blocks, some in left_out for k in some)
     for rest in dict.fromkeys(tuple(b for b in blocks if b != k) for blocks, k in without):
         for one in (None, *(b for b in rest if several[b])):
             others = tuple(b for b in rest if b != one)
-            rss, gains = s.gains_beside(others, range(len(c.owner)))
+            if others not in known_beside:
+                known_beside[others] = s.gains_beside(others, range(len(c.owner)))
+            rss, gains = known_beside[others]
             size, penalty = c.rank[list(others)].sum(), c.penalty[list(others)].sum()
             most = gains + _above_neighbours(c.owner, gains)
             reached = s.score(rss - most, size + c.rank, penalty + c.penalty)
@@ -140,7 +158,8 @@ def _companies(s: Search, *, few: bool) -> Iterator[tuple[tuple[int, ...], float
                 near = np.flatnonzero(several & ((reached <= s.best + WITHIN) | own))
             else:
                 near = np.array([] if one is None else [one], dtype=np.intp)
-            for j in np.setdiff1d(c.owner[near], c.owner[list(others)]).tolist():
+            acting = {s.owner[b] for b in others}
+            for j in sorted({*c.owner[near].tolist()} - acting):
                 known = float(gains[c.owner == j].max())
                 large = s.score(rss, 0, 0.0) - s.score(rss - known, 0, 0.0) > LARGE
                 if large and (key := (frozenset(others), j)) not in seen:

@@ -16,7 +16,7 @@ import numpy as np
 from scipy import special
 
 from trunnion.base.statistics import MANY_ROWS, Spanned
-from trunnion.base.units import Floats, Integers
+from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.columns import ROUNDING, storage
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.functions import DEPENDENT, Made, Part
@@ -411,12 +411,17 @@ class Dictionary:
             lambda places: gains_beside(self._jumps(of, places), basis, r),
         )
 
-    def best_jumps(self, r: Floats, basis: Floats | Spanned) -> Iterator[tuple[int, float]]:
+    def best_jumps(
+        self, r: Floats, basis: Floats | Spanned, among: Flags
+    ) -> Iterator[tuple[int, float]]:
         """Jump of each quantity in each component that gains most, for residuals (n,).
 
-        The term of the scan that is nearest, and the place of the jump.
+        The term of the scan that is nearest, and the place of the jump. ``among``: readings of
+        which one at least has the quantity, (n,) of the model.
         """
         for x in (x for x in self._said if x.kind == "jump"):
+            if not np.any(among[self._acting(x.covariate)]):
+                continue
             own = self._distinct(x.covariate)
             scanned, some = np.asarray(x.numbers, dtype=np.float64), fine_places(own, len(r))
             for way in range(len(x.ways)):

@@ -120,13 +120,15 @@ def with_places(case: Case, terms: Sequence[int], fits: Sequence[Fit]) -> list[C
 def jumps_instead(case: Case, f: Fit) -> list[Competing]:
     """Jumps that may be there instead of a cause of a fit that begins at a moment.
 
-    In each component that which explains most.
+    In each component that which explains most, of readings that the cause changes.
     """
     out: list[Competing] = []
     for effect in case.effects:
         if effect.id in f.effects and moments_of(case, effect, f):
             basis, left = without_one(case, effect, f)
-            out += [Competing(i, (place,)) for i, place in case.dictionary.best_jumps(left, basis)]
+            changed = np.any(f.jacobian[:, case.columns_of(effect, f)] != 0.0, axis=1)
+            jumps = case.dictionary.best_jumps(left, basis, changed)
+            out += [Competing(i, (place,)) for i, place in jumps]
     return out
 
 
