@@ -202,7 +202,7 @@ FAMILIES = (
     ),
     Family(
         "drift",
-        r"expansion|leg_expansion.*|screw_warmup",
+        r"expansion|leg_expansion.*|screw_warmup(_[xyz])?",
         WARM,
     ),
     Family(

@@ -32,21 +32,21 @@ from trunnion.machine.effects import Owner
 from trunnion.machine.linear_axes import LinearMotion, Travel, angular, bow
 from trunnion.models.breaks import break_of, zero_shift
 from trunnion.models.points.geometry import AXES, Places, groups_of, places_of
+from trunnion.models.warming import warmup
 
 CATALOGUED = ("scale_x", "scale_y", "scale_z", "squareness_xy", "squareness_xz", "squareness_yz")
 """Ids that are in the catalogue of the machine, too."""
 OF_TIME = (
-    "drift_x",
-    "drift_y",
-    "drift_z",
-    "common_drift",
-    "setup_shift",
-    "zero_shift_x",
-    "zero_shift_y",
-    "zero_shift_z",
+    *(
+        f"{what}_{axis}"
+        for what in ("drift", "warmup", "screw_warmup", "zero_shift")
+        for axis in AXES
+    ),
+    *("common_drift", "part_warmup", "setup_shift"),
 )
 COMMON_DEGREE = 6
 MIN_REPEATS = 20
+STEADY = 6.0  # times the measurement, a time constant by which a part grows steadily
 
 Shape: TypeAlias = Callable[[Points, Places], Floats]
 """Change of the readings per unit of each parameter, shape (n d, k)."""
@@ -127,6 +127,59 @@ class Drift:
             f"drift of the {AXES[self.axis].upper()} axis",
             owner=Owner.TIME,
         )
+
+
+@dataclass(frozen=True)
+class WarmUp:
+    """Something warms up while points are measured: an axis that moves, its screw, or the part.
+
+    The latter grow from where they are held, which is anywhere: the middle of the points moves,
+    too.
+
+    id, label, owner: As of an effect. sizes: Its linear parameters, of what grows ``ppm`` first.
+    axes: That move, or None for all.
+    """
+
+    id: str
+    sizes: tuple[str, ...]
+    label: str
+    owner: Owner
+    axes: tuple[int, ...]
+
+    def effect(self, points: Points, _: Places) -> Effect | None:
+        """Return the effect, bound to points; None if nothing is known of the time."""
+        if points.time_s is None or np.ptp(hours := _elapsed(points)) <= 0:
+            return None
+        enters = [_enter(points, a, np.ones(len(points))) for a in self.axes]
+        if self.sizes[0] == "ppm":
+            middle = (points.nominal_mm.min(axis=0) + points.nominal_mm.max(axis=0)) / 2
+            arms = 1e-3 * (points.nominal_mm - middle)
+            grows = np.sum([_enter(points, a, arms[:, a]) for a in self.axes], axis=0)
+            enters.insert(0, grows)
+        minutes = np.repeat(60.0 * hours, points.dimension)
+        columns = np.stack(enters, axis=1)
+        return warmup(
+            self.id,
+            self.sizes,
+            minutes,
+            columns,
+            self.label,
+            longest=STEADY,
+            owner=self.owner,
+        )
+
+
+def warm_ups(dimension: int) -> list[Entry]:
+    """Return what warms up, of points in a plane or in space."""
+    out: list[Entry] = []
+    for i, a in enumerate(AXES[:dimension]):
+        axis = f"warm-up of the {a.upper()} axis"
+        screw = f"warm-up of the screw of the {a.upper()} axis, which grows"
+        out.append(WarmUp(f"warmup_{a}", ("amplitude_um",), axis, Owner.TIME, (i,)))
+        out.append(WarmUp(f"screw_warmup_{a}", ("ppm", "amplitude_um"), screw, Owner.TIME, (i,)))
+    sizes = ("ppm", *(f"d{a}_um" for a in AXES[:dimension]))
+    part, every = "warm-up of the part, which grows", tuple(range(dimension))
+    return [*out, WarmUp("part_warmup", sizes, part, Owner.WORKPIECE, every)]
 
 
 @dataclass(frozen=True)
@@ -250,6 +303,7 @@ def entries(dimension: int) -> list[Entry]:
     larger = LinearError("expansion", ("ppm",), expansion, _larger, Owner.WORKPIECE)
     out.append(replace(larger, looks_like=ALL_AXES))
     out += [Drift(i) for i in axes]
+    out += warm_ups(dimension)
     return [*out, SetupShift(), *(ZeroShiftOfAxis(i) for i in axes), CommonDrift()]
 
 
