@@ -147,8 +147,13 @@ class WarmUp:
     axes: tuple[int, ...]
 
     def effect(self, points: Points, _: Places) -> Effect | None:
-        """Return the effect, bound to points; None if nothing is known of the time."""
+        """Return the effect, bound to points; None without times, or with a break between points.
+
+        Over a break it would be any shift of any axis.
+        """
         if points.time_s is None or np.ptp(hours := _elapsed(points)) <= 0:
+            return None
+        if break_of(points.time_s) is not None:
             return None
         enters = [_enter(points, a, np.ones(len(points))) for a in self.axes]
         if self.sizes[0] == "ppm":
