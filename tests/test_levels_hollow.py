@@ -1,4 +1,4 @@
-"""A hollow is no kink and no bow; a drift that looks like a bow leaves it in doubt."""
+"""A hollow is no kink and no bow; a bow is in doubt beside what a drift or a shape makes."""
 
 from collections.abc import Callable
 
@@ -90,3 +90,40 @@ def test_bow_twist_and_kink_are_named_all_the_same() -> None:
         waves = _bed(rng, _bowed_waves(phase))
         both = tn.diagnose(waves)
         assert {"bow", "field"} <= _named(both)
+
+
+def _waves(seed: int, straight: float) -> tn.Levels:
+    """A bed of smooth waves without a straight part in their slopes, and such a part (µm/m)."""
+    rng = np.random.default_rng(seed)
+    place: Floats = np.asarray(np.tile(FEET / 2 + FEET * np.arange(20.0), 2))
+    sense, u = np.repeat([1.0, -1.0], 20), (place - 1000) / 1000
+    cycles, phase = rng.uniform(0.9, 1.6, 2), rng.uniform(0, 6.28, 2)
+    slopes = 15 * np.sin(np.pi * np.outer(u, cycles) + phase)
+    line = np.column_stack([np.ones(40), u])
+    slopes = slopes - line @ np.linalg.lstsq(line, slopes, rcond=None)[0]
+    read = sense[:, None] * (slopes + straight * u[:, None] + 60)
+    read = read + 0.5 * rng.standard_normal((40, 2))
+    return tn.Levels(
+        position_mm=place,
+        along_um_m=read[:, 0],
+        across_um_m=read[:, 1],
+        turn_deg=np.where(sense > 0, 0, 180),
+        time_s=25.0 * np.arange(40),
+    )
+
+
+def test_a_bow_that_a_smooth_shape_may_hide_is_not_excluded() -> None:
+    """No straight part is seen: what a shape has of its own and a bow or a twist may cancel."""
+    for seed in SEEDS:
+        found = tn.diagnose(_waves(seed, 0.0))
+        assert found.evidence[0].causes == {"field"}
+        assert 0.6 < found.evidence[0].probability < 0.985, seed
+
+
+def test_a_straight_part_beside_a_smooth_shape_is_a_bow_or_not() -> None:
+    """As large as the waves it may be theirs, a few times as large it is no longer."""
+    for seed in (0, 2, 3):
+        for straight, least, most in ((15.0, 0.05, 0.5), (40.0, 0.5, 0.95)):
+            found = tn.diagnose(_waves(seed, straight))
+            bow = sum(a.probability for a in found.evidence if "bow" in a.causes)
+            assert least < bow < most, (seed, straight)

@@ -108,6 +108,7 @@ class Candidates:
     stated: Mapping[int, float] = MappingProxyType({})  # candidates whose size is known to be small
     apart: frozenset[int] = frozenset()  # masks of two candidates that no set has both of
     several: bool = False  # whether they are of several measurements
+    together: bool = False  # whether one that acts makes others likelier (`.evidence`)
     _banned: frozenset[int] = frozenset()
     _inner_products: Among  # of blocks that were asked for together
     _last: tuple[Floats, Floats] | None = None  # residuals and their products
@@ -152,7 +153,7 @@ class Candidates:
         """
         new = object.__new__(Candidates)
         new.stated, new.positive, new.apart = self.stated, self.positive, self.apart
-        new.several = self.several
+        new.several, new.together = self.several, self.together
         new._build(enumerate(variants), len(variants), 0, self._basis)
         new.owner = np.concatenate([self.owner, new.owner + self.count])
         new.variant = np.concatenate([self.variant, new.variant])

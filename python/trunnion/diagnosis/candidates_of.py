@@ -45,7 +45,7 @@ def candidates_of(case: Case) -> Candidates:
         for j, e in enumerate(case.effects)
         for other in e.instead_of
     )
-    found.several = isinstance(case.whiten, Whiteners)
+    found.several, found.together = isinstance(case.whiten, Whiteners), case.model.together
     if case.dependent:
         found.dependent = DEPENDENT_INCOMPLETE
     return _weighed(case, found)

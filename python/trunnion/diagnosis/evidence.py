@@ -17,6 +17,10 @@ what they explain together, and causes of many columns are worth what they leave
 A term of structure is weighed as a cause is: of one among all terms, and of sizes as they are. Were
 its sizes free, it would take the place of causes of the same columns that are large.
 
+Where the model says so (`.model.Model.together`) these odds are the mean: how often causes act is
+not known, and one that acts makes others likelier (a beta-binomial prior, Scott and Berger 2010,
+Bayes and empirical-Bayes multiplicity adjustment). That matters where readings hardly say which.
+
 Causes that are expected have their penalty instead: nothing is assumed of their sizes.
 
 Sets by which readings in steps are equally probable have equal odds: a bow of a rail rounds to what
@@ -37,6 +41,7 @@ from scipy import special
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import NAMING_LEVEL
 from trunnion.diagnosis.selection import TINY, Search
+from trunnion.diagnosis.supposed import Supposed
 
 RANGE = 100.0  # of the sizes of a cause: the largest over the least that is seen
 SIZES = np.geomspace(1.0, RANGE, 33)  # of a cause, over the least
@@ -55,22 +60,20 @@ class Evidence:
         The sets.
     count:
         Of the causes; further candidates are terms of structure.
+    supposed:
+        What acts beside the sets that are weighed then: those that hold a candidate.
     """
 
     search: Search
     count: int
+    supposed: Supposed | None = None
 
     @cached_property
     def values(self) -> Mapping[int, float]:
         """-2 ln of the mean likelihood of sets times what is assumed of them, by their masks."""
-        s = self.search
-        near = {
-            mask: tuple(sorted(s.made[mask]))
-            for mask, score in s.scores.items()
-            if score <= s.best + TO_WEIGH
-        }
+        s, near = self.search, self.near
         self._weigh(near.values())
-        known = s.at_best
+        known, of_variants = self._known
         rough = {m: known[b] + s.more.get(m, 0.0) for m, b in near.items() if b in known}
         out: dict[int, float] = {}
         least = math.inf
@@ -78,14 +81,37 @@ class Evidence:
             if value > least + NEGLIGIBLE:
                 break
             blocks = near[mask]
-            if blocks not in s.of_variants:
-                s.of_variants[blocks] = self._of_variants(blocks)
-            out[mask] = value + s.of_variants[blocks]
+            if blocks not in of_variants:
+                of_variants[blocks] = self._of_variants(blocks)
+            out[mask] = value + of_variants[blocks]
             least = min(least, out[mask])
         same = [mask for mask in s.alike if mask in out]
         if same:  # only what was assumed beforehand distinguishes them
             out |= dict.fromkeys(same, float(np.mean([out[mask] for mask in same])))
         return out
+
+    @cached_property
+    def near(self) -> dict[int, tuple[int, ...]]:
+        """Masks and blocks of the sets that are near the best score."""
+        s, open_ = self.search, self.supposed
+        near = {
+            mask: tuple(sorted(s.made[mask]))
+            for mask, score in s.scores.items()
+            if score <= s.best + TO_WEIGH
+        }
+        if open_ is None:
+            return near
+        some = {mask: blocks for mask, blocks in near.items() if open_.within(mask)}
+        every = itertools.chain.from_iterable(
+            open_.fewer(mask, blocks) for mask, blocks in some.items()
+        )
+        return dict(every) | some
+
+    @cached_property
+    def _known(self) -> tuple[dict[tuple[int, ...], float], dict[tuple[int, ...], float]]:
+        """What is known of sets, by their blocks: at the best values, and by all of grids."""
+        s = self.search
+        return (s.at_best, s.of_variants) if self.supposed is None else ({}, {})
 
     def _weigh(self, sets: Iterable[tuple[int, ...]]) -> None:
         """Find the odds of sets that are not known, at their values of nonlinear parameters.
@@ -94,14 +120,15 @@ class Evidence:
         """
         s = self.search
         rank = s.c.rank.tolist()
-        if () not in s.at_best:
+        known = self._known[0]
+        if self.supposed is None and () not in known:
             rss = max(s.empty.core.rss, s.score.least)
-            s.at_best[()] = float(s.score.floor.deviance(rss, s.c.dof))
+            known[()] = float(s.score.floor.deviance(rss, s.c.dof))
         fresh = [
-            one for one in sets if one not in s.at_best and sum(rank[b] for b in one) < s.c.dof - 2
+            one for one in sets if one not in known and sum(rank[b] for b in one) < s.c.dof - 2
         ]
         if fresh:
-            s.at_best |= dict(zip(fresh, self._at_best(fresh).tolist(), strict=True))
+            known |= dict(zip(fresh, self._at_best(fresh).tolist(), strict=True))
 
     @cached_property
     def _assumed(self) -> tuple[Floats, Floats, Floats]:
@@ -130,10 +157,12 @@ class Evidence:
         least, prior, penalty = (x[blocks] for x in self._assumed)
         rank = c.rank[blocks]
         size, paid = summed(rank), summed(rank * (least > 0))
-        gain, together, each, length = s.sizes(sets, self._assumed[0] > 0)
+        open_ = self.supposed
+        cost = 0.0 if open_ is None else open_.cost
+        gain, together, each, length = (open_ or s).sizes(sets, self._assumed[0] > 0)
         rss = np.maximum(s.empty.core.rss - gain, s.score.least)
         sigma = np.sqrt(np.maximum(s.score.floor.noise(rss, c.dof - size), TINY))[of]
-        out = s.score.floor.deviance(rss, c.dof) + summed(prior) - together
+        out = s.score.floor.deviance(rss, c.dof) + cost + summed(prior) - together
         out = out + summed(penalty) * c.dof / (c.dof - size / 2 - 1)
         worth = np.zeros(len(blocks))
         for k in np.unique(rank[least > 0]).tolist():
@@ -142,6 +171,9 @@ class Evidence:
             likely = _log_mean_likelihood(length[own] / sigma[own], error, k, least[own])
             worth[own] = each[own] - 2 * likely
         out = out + summed(worth)
+        if c.together:
+            causes = summed(((least > 0) & (c.owner[blocks] < self.count)).astype(np.intp))
+            out = out - 2 * log_odds_together(c.multiplicity, causes)
         if c.stated:
             many = zip(sets, rss.tolist(), size.tolist(), strict=True)
             out = out + [s.contradicting(one, left, int(wide)) for one, left, wide in many]
@@ -162,7 +194,7 @@ class Evidence:
             if many < 2:
                 continue
             rest = sorted(set(blocks) - {b})
-            rss, gain = s.gains_beside(rest, range(first, first + many))
+            rss, gain = (self.supposed or s).gains_beside(rest, range(first, first + many))
             left = np.maximum(rss - gain, s.score.least)
             deviance = s.score.floor.deviance(left, c.dof)
             likely = np.exp((deviance[b - first] - deviance) / 2)
@@ -171,6 +203,17 @@ class Evidence:
                 likely = np.where(likely > 1.0, 0.0, likely)
             out -= 2 * math.log(max(float(np.mean(likely)), TINY))
         return out
+
+
+def log_odds_together(candidates: float, count: Floats | Integers | int) -> Floats:
+    """Logarithm of the odds of so many causes together, over those if each acted by itself.
+
+    The latter are one among all candidates for each; the chance that one acts is not known, beta
+    distributed with a = 1 and b = ``candidates``.
+    """
+    n = np.maximum(candidates, np.maximum(count, 1))  # some may have odds of their own
+    together = special.betaln(1.0 + count, 2 * n - count) - special.betaln(1.0, 2 * n)
+    return np.asarray(together - count * np.log(1 / n))
 
 
 def _of_unknown_noise(dof: int, columns: Floats) -> Floats:

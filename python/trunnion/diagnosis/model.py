@@ -220,6 +220,7 @@ class Model:
     known_noise: Whiten | None = None
     inside: frozenset[str] = frozenset()
     tool_sense: float = 1.0
+    together: bool = False  # how many causes act is not known: one makes others likelier
 
     def base(self, nuisance: Floats) -> Floats:
         """Return the readings without any effect, shape (n,)."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain, combinations
@@ -13,16 +13,18 @@ from trunnion.base.report import uncertainty
 from trunnion.base.units import Floats, capital
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Effect, NamedValues
+from trunnion.diagnosis.evidence import Evidence
 from trunnion.diagnosis.explanation import Explanation, Sets
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.formula import PERIODIC, FormulaEffect
 from trunnion.diagnosis.functions import DEPENDENT
 from trunnion.diagnosis.likely_terms import terms_one_by_one
 from trunnion.diagnosis.model import Model
-from trunnion.diagnosis.probability import chance_in_doubt
+from trunnion.diagnosis.probability import Probabilities, chance_in_doubt
 from trunnion.diagnosis.records import MAX_WORST, MIN_DOUBT, labelled, with_unit
 from trunnion.diagnosis.smooth import over_range
 from trunnion.diagnosis.structure import DISTINGUISHED, wider
+from trunnion.diagnosis.supposed import Supposed
 from trunnion.machine.effects import Owner
 
 TINY = 1e-300
@@ -152,7 +154,20 @@ def _mostly(kept: Case, f: Fit, squares: Floats, variance: float) -> list[Effect
     return [kept.model.effect(id_) for id_ in dict.fromkeys(id_ for id_, _ in worst)]
 
 
-def in_doubt(case: Case, e: Explanation, f: Fit, constant: Floats) -> Explanation:
+def in_doubt(case: Case, e: Explanation, f: Fit, open_: LeftOpen, before: Case) -> Explanation:
+    """Return an explanation with the probabilities of sets beside what is left open.
+
+    ``before``: the case without structure in its model.
+    """
+    e, constant = _beside_supposed(before, e, f), open_.constant
+    if isinstance(e.probabilities, Probabilities) and e.probabilities.supposed:
+        always = before.model.supposed({})
+        weighed = (x for said, x in open_.supposed.items() if said not in always)
+        constant = constant - np.sum([*weighed], axis=0)
+    return _with_constant(case, e, f, constant)
+
+
+def _with_constant(case: Case, e: Explanation, f: Fit, constant: Floats) -> Explanation:
     """Return an explanation with the probabilities of causes that a constant may be instead.
 
     ``constant``: the mean squares that it leaves open, of the parameters of the fit.
@@ -193,6 +208,52 @@ def _without(e: Explanation, doubtful: Collection[int]) -> Sets:
                 known.add(frozenset(fewer))
                 out.append((fewer, distance, rss))
     return out
+
+
+def _beside_supposed(case: Case, e: Explanation, f: Fit) -> Explanation:
+    """Return an explanation with the probabilities of sets beside what effects leave open.
+
+    ``case``: without structure in its model. Sets that are probable then are stated, too.
+    """
+    chances, variance = e.probabilities, float(case.floor.noise(f.rss, f.dof))
+    if not isinstance(chances, Probabilities) or not e.sets or case.dependent or variance <= 0:
+        return e
+    numbers = {x.id: j for j, x in enumerate(case.effects[: e.candidates.count])}
+    fitted = sum(1 << j for id_, j in numbers.items() if id_ in f.effects)
+    basis, white, out = case.plain.basis, case.plain.white, list[Supposed]()
+    for id_, columns in _of_effects(case, f).items():
+        left = case.white(columns)
+        left = left - basis @ (basis.T @ left)
+        out.append(Supposed(chances.search, numbers[id_], fitted, left, white, variance))
+    if not out:
+        return e
+    e = replace(e, probabilities=replace(chances, supposed=out))
+    return replace(e, sets=[*e.sets, *_probable(e, out)])
+
+
+def _probable(e: Explanation, supposed: Sequence[Supposed]) -> Sets:
+    """Sets beside what is supposed that are probable and not among those of an explanation."""
+    known: set[frozenset[int]] = {frozenset(members) for members, *_ in e.sets}
+    out: Sets = []
+    for one in supposed:
+        s, c = one.search, one.search.c
+        for mask, blocks in Evidence(s, e.candidates.count, one).near.items():
+            members = {s.owner[b]: int(c.variant[b]) for b in blocks}
+            new = max(members) < e.candidates.count and frozenset(members) not in known
+            if new and e.probabilities.of_set(frozenset(members)) > MIN_LISTED:
+                known.add(frozenset(members))
+                far = s.scores.get(mask, np.inf) - s.best
+                rss = s.nothing.rss - one.gain(blocks)
+                out.append((members, far, rss))
+    return out
+
+
+def _of_effects(case: Case, f: Fit) -> dict[str, Floats]:
+    """Columns (n, k) that are supposed beside each effect of a fit, and not without it."""
+    always = case.model.supposed({}).keys()
+    found = {id_: case.model.supposed({id_: values}) for id_, values in f.effects.items()}
+    some = {id_: [x for said, x in own.items() if said not in always] for id_, own in found.items()}
+    return {id_: np.column_stack(x) for id_, x in some.items() if any(y.shape[1] for y in x)}
 
 
 def _may_be_off(without: Fit, found: Fit) -> Floats:

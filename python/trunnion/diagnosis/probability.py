@@ -34,9 +34,10 @@ from scipy import special
 
 from trunnion.base.units import Floats
 from trunnion.diagnosis.candidates import NAMING_LEVEL, Candidates
-from trunnion.diagnosis.evidence import RANGE, SIZES, Evidence
+from trunnion.diagnosis.evidence import RANGE, SIZES, Evidence, log_odds_together
 from trunnion.diagnosis.scorer import SCORE_DIGITS
 from trunnion.diagnosis.selection import TINY, WITHIN, Found, Search
+from trunnion.diagnosis.supposed import Supposed
 
 Members = frozenset[int]
 
@@ -132,6 +133,8 @@ class Probabilities:
         Sets with an effect behind the others.
     doubts:
         Probabilities of causes that may be in a set and need not act: something else makes that.
+    supposed:
+        What acts in the sets that hold a candidate.
     """
 
     search: Search
@@ -139,6 +142,7 @@ class Probabilities:
     processes: Sequence[Beside] = ()
     behind: Sequence[Behind] = ()
     doubts: Mapping[int, float] = field(default_factory=dict)
+    supposed: Sequence[Supposed] = ()
 
     def with_behind(self, behind: Sequence[Behind]) -> Probabilities:
         """Return those with these sets that have an effect behind the others."""
@@ -232,6 +236,9 @@ class Probabilities:
     def _weights(self) -> dict[int, float]:
         """Odds of each set against the best one, by its mask."""
         values = dict(Evidence(self.search, self.candidates.count).values)
+        for open_, within in self._supposed:
+            values = {mask: value for mask, value in values.items() if not open_.within(mask)}
+            values |= within.values
         for bit, one in self._beside():
             own = Evidence(one.search, self.candidates.count).values
             for mask, value in own.items():
@@ -239,6 +246,11 @@ class Probabilities:
         least = min(values.values(), default=0.0)
         # with too few readings nothing is known of any set, and no cause is named
         return {mask: math.exp((least - value) / 2) for mask, value in values.items()} or {0: 1.0}
+
+    @cached_property
+    def _supposed(self) -> list[tuple[Supposed, Evidence]]:
+        """What is supposed with the sets that it acts in."""
+        return [(x, Evidence(self.search, self.candidates.count, x)) for x in self.supposed]
 
     def _beside(self) -> Iterator[tuple[int, Beside]]:
         """Processes with their bits in the mask of a set, those after all candidates.
@@ -261,29 +273,60 @@ class Probabilities:
 
     def _unseen(self) -> Iterator[tuple[int, float]]:
         """Sets with one or two more causes that they hide, and their weights."""
+        for mask, weight, odds in self._hiding():
+            for j, own in odds.items():
+                yield mask | 1 << j, weight * own * self._more(mask, 1)
+            for (i, one), (j, other) in itertools.combinations(odds.items(), 2):
+                yield mask | 1 << i | 1 << j, weight * one * other * self._more(mask, 2)
+
+    def _more(self, mask: int, further: int) -> float:
+        """Odds of so many further causes beside a set, over those if each acted by itself."""
+        if not self.candidates.together:
+            return 1.0
+        count, n = (mask & self._catalogue).bit_count(), self.candidates.multiplicity
+        return math.exp(log_odds_together(n, count + further) - log_odds_together(n, count))
+
+    def _hiding(self) -> Iterator[tuple[int, float, dict[int, float]]]:
+        """Sets with their weights and the odds of the causes that each hides."""
         beside = ((bit, one.search) for bit, one in self._beside())
         for bit, searched in ((0, self.search), *beside):
             for mask, f in searched.known.items():
                 weight = self._weights.get(mask | bit, 0.0)
+                supposed = not bit and any(one.within(mask) for one in self.supposed)
+                if weight > MIN_WEIGHT and not supposed:
+                    left = *searched.beside(f.blocks), f.rss, f.columns
+                    yield mask | bit, weight, self._odds_unseen(searched, f.blocks, *left)
+        for open_, own in self._supposed:
+            for mask, blocks in own.near.items():
+                weight = self._weights.get(mask, 0.0)
                 if weight > MIN_WEIGHT:
-                    odds = self._odds_unseen(searched, f)
-                    for j, own in odds.items():
-                        yield mask | bit | 1 << j, weight * own
-                    for (i, one), (j, other) in itertools.combinations(odds.items(), 2):
-                        yield mask | bit | 1 << i | 1 << j, weight * one * other
+                    left = open_.left_by(blocks)
+                    yield mask, weight, self._odds_unseen(open_.search, blocks, *left)
 
-    def _odds_unseen(self, searched: Search, f: Found) -> dict[int, float]:
-        """Odds of each cause that a set of a search hides, beside this set."""
+    def _odds_unseen(
+        self,
+        searched: Search,
+        blocks: Sequence[int],
+        left: Floats,
+        along: Floats,
+        rss: float,
+        columns: int,
+    ) -> dict[int, float]:
+        """Odds of each cause that a set of a search hides, beside this set.
+
+        ``left``, ``along``, ``rss``: what it leaves of other blocks, of the residuals along them,
+        and of their sum of squares; ``columns``: their count.
+        """
         c = searched.c
-        left, along = searched.beside(f.blocks)
+        members = {searched.owner[b] for b in blocks}
         left = left * c.kept
         hidden = (left < HIDDEN) & (c.owner < self.candidates.count)
         hidden &= c.penalty > 0.0
-        noise = float(searched.score.floor.noise(f.rss, max(c.dof - f.columns, 1)))
+        noise = float(searched.score.floor.noise(rss, max(c.dof - columns, 1)))
         chance, out = c.chance, {}
         for j in np.unique(c.owner[hidden]).tolist():
             own = c.owner == j
-            if j not in f.members:
+            if j not in members:
                 least = chance[own]
                 # fitted exactly, nothing is seen of what is not determined
                 fitted = np.where(np.isinf(c.penalty[own]), 0.0, along[own])

@@ -80,7 +80,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     left = f.residuals - kept.shared(f)
     gain = _gain(kept, rows, plain, f, left)
     open_ = left_open(kept, e, f, source, variance, before)
-    alternatives = _alternatives(case, e := in_doubt(kept, e, f, open_.constant))
+    alternatives = _alternatives(case, e := in_doubt(kept, e, f, open_, before))
     of_sets = Doubt.of(kept, f, alternatives, variance, growth)
     shape = shape_in_doubt(kept, f, model.effects, variance)
     doubt = of_sets.beside(open_.every)

@@ -147,8 +147,13 @@ class LevelsModel(ReadInTurn):
     data: Measured angles. effects: further candidates, a user's own effects, or ids. frame: that of
         other data of the same surface (``bind``).
 
+    Of a surface and a level several errors act as a rule; beside a smooth shape the readings hardly
+    say which, and what is assumed beforehand counts.
+
     Raises DataError: fewer than four places.
     """
+
+    together = True
 
     def __init__(
         self,
