@@ -61,8 +61,14 @@ POINT_EFFECTS = (
     "expansion",
     "drift_x",
     "drift_y",
+    "warmup_x",
+    "warmup_y",
+    "screw_warmup_x",
+    "screw_warmup_y",
+    "part_warmup",
     "field",
 )
+OF_TIME = ("drift_x", "drift_y", *(x for x in POINT_EFFECTS if "warmup" in x))
 SPACE_EFFECTS = (
     "scale_z",
     "squareness_xz",
@@ -133,7 +139,7 @@ def make_points(
     flat = {k: np.concatenate(v) for k, v in columns.items()}
     if groups == 1:
         del flat["group"]
-    if rng.random() < 0.3 and not any(h.startswith("drift") for h in hidden):
+    if rng.random() < 0.3 and not set(hidden) & set(OF_TIME):
         del flat["time_s"]
     return Made(flat, frozenset(hidden))
 
@@ -145,6 +151,24 @@ def _beside_motion(e: Float, q: Float, d: int) -> float:
     columns = np.stack([m[:, :d].ravel() for m in motions], axis=1)
     flat = e[:, :d].ravel()
     return float(np.linalg.norm(flat - columns @ np.linalg.lstsq(columns, flat, rcond=None)[0]))
+
+
+def size_of(rng: np.random.Generator, low: float, high: float) -> float:
+    """Draw a number, logarithmically uniform."""
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def _heated(time: Float, lasts: float) -> Float:
+    """Temperature at some times of a body that takes and loses heat, 0 at first, (n,).
+
+    In small steps of the balance of heat. ``lasts``: the time after which it would have got two
+    thirds of all, of that of the measurement.
+    """
+    span = float(np.ptp(time))
+    every, body = np.linspace(time.min(), time.max(), 4001), np.zeros(4001)
+    for i in range(4000):
+        body[i + 1] = body[i] + (1.0 - body[i]) * (span / 4000) / (lasts * span)
+    return np.interp(time, every, body)
 
 
 def _point_error(rng: np.random.Generator, name: str, q: Float, time: Float, half: Float) -> Float:
@@ -170,6 +194,14 @@ def _point_error(rng: np.random.Generator, name: str, q: Float, time: Float, hal
             e = q.copy()
         case ["drift", a]:
             e[:, axis[a]] = time - time.mean()
+        case ["warmup", a]:
+            e[:, axis[a]] = _heated(time, size_of(rng, 0.1, 1.0))
+        case ["screw", "warmup", a]:
+            held = rng.uniform(-1.2, 1.2) * half[axis[a]]
+            e[:, axis[a]] = (q[:, axis[a]] - held) * _heated(time, size_of(rng, 0.1, 4.0))
+        case ["part", "warmup"]:
+            held = rng.uniform(-1, 1, 3) * half * np.any(q, axis=0)
+            e = (q - held) * _heated(time, size_of(rng, 0.1, 4.0))[:, None]
         case ["field"]:
             for i in range(2):
                 for _ in range(12):

@@ -38,6 +38,8 @@ def cancelling(case: Case, f: Fit) -> set[int]:
     before, after = (case.cross_validated(one) for one in (case.plain, f))
     if better(case.model, case.rows, before, after):
         return set()
+    if len(large) == 1:
+        return set(large)
     return {min(large, key=lambda j: _missed(case, f, without=case.effects[j]))}
 
 

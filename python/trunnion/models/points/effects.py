@@ -32,7 +32,7 @@ from trunnion.machine.effects import Owner
 from trunnion.machine.linear_axes import LinearMotion, Travel, angular, bow
 from trunnion.models.breaks import break_of, zero_shift
 from trunnion.models.points.geometry import AXES, Places, groups_of, places_of
-from trunnion.models.warming import warmup
+from trunnion.models.warming import LONGEST, warmup
 
 CATALOGUED = ("scale_x", "scale_y", "scale_z", "squareness_xy", "squareness_xz", "squareness_yz")
 """Ids that are in the catalogue of the machine, too."""
@@ -156,7 +156,9 @@ class WarmUp:
         if break_of(points.time_s) is not None:
             return None
         enters = [_enter(points, a, np.ones(len(points))) for a in self.axes]
+        longest = LONGEST  # an axis that moves steadily drifts
         if self.sizes[0] == "ppm":
+            longest = STEADY
             middle = (points.nominal_mm.min(axis=0) + points.nominal_mm.max(axis=0)) / 2
             arms = 1e-3 * (points.nominal_mm - middle)
             grows = np.sum([_enter(points, a, arms[:, a]) for a in self.axes], axis=0)
@@ -169,7 +171,7 @@ class WarmUp:
             minutes,
             columns,
             self.label,
-            longest=STEADY,
+            longest=longest,
             owner=self.owner,
         )
 
