@@ -267,7 +267,7 @@ class Diagnosis(Result):
         else:
             model = self.rebuilt_model().bind(distinct_rows(other).data)
         known = {e.id for e in model.effects}
-        owners = {} if self.model is None else self.model.owners
+        owners = self.model.owners if isinstance(self.model, Estimate) else {}
         effects = {
             k: v
             for k, v in self.effects.items()
