@@ -35,6 +35,7 @@ class Beside:
 
     residual: Of the whitened readings that are used, beside the basis (n,). kept: Columns beside
     the first ``common`` directions of the basis, by effect and places: for all that is beside them.
+    None is kept where ``common`` is 0.
     """
 
     nuisance: Floats
@@ -76,6 +77,8 @@ class Along:
         low, high = grid[cells], grid[cells + 1]
         places = np.unique(np.concatenate([low, np.sqrt(low * high), high]))
         new = cls(case, effect, free, beside, places, np.zeros(len(places)))
+        if not beside.common:
+            return replace(new, gains=new.at(places)) if new.smooth else new
         columns = new._beside_common()
         if columns is None:
             return new

@@ -91,8 +91,9 @@ def left_one_by_one(case: Case) -> Left | None:
     """Return what causes leave that are found one after the other; None: that may not do.
 
     It does where all that they leave is stationary noise, but for one or two terms of structure
-    that no cause makes, and not next to nothing: no reading is far out, no cause rests on one,
-    steps of readings do not matter, and what the causes change is proportional to their sizes.
+    (one that a cause makes leaves the noise that the cause would), and not next to nothing: no
+    reading is far out, no cause rests on one, steps of readings do not matter, and what the causes
+    change is proportional to their sizes.
     """
     plain, n = case.plain, len(case.rows)
     sizes = sizes_of(case.whiten, n)

@@ -42,7 +42,8 @@ def search_between(case: Case) -> Search:
     """
     white, basis, floor = case.plain.white, case.plain.basis, case.floor
     s = search(case.candidates, white, floor=floor)
-    alone = Beside(case.linearised.nuisance, basis, white, basis.shape[1])
+    kept = basis.shape[1] if len(white) < MANY_ROWS else 0  # columns of many rows take memory
+    alone = Beside(case.linearised.nuisance, basis, white, kept)
     looked_at = dict[_Key, Along]()
     for _ in range(0 if case.dependent else MAX_ROUNDS):
         further = _beside_others(case, s, alone, looked_at)
