@@ -86,7 +86,7 @@ def test_touches_that_were_begun_again_have_not_drifted(plan: str) -> None:
     assert kept(seen, runs, RATE)
 
 
-def test_after_minutes_a_shift_is_told_from_a_drift() -> None:
+def test_after_minutes_a_shift_is_no_drift() -> None:
     """A drift over ten minutes shows within the parts: the zeros are named, with their sizes."""
     runs = needed_runs(RATE)
     right, inside = 0, 0
