@@ -17,6 +17,7 @@ from trunnion.base.errors import InputError
 from trunnion.base.units import Floats
 from trunnion.diagnosis.effect import Effect, linear
 from trunnion.machine.effects import Owner
+from trunnion.models.slips import FromThenOn
 
 ZERO = "d_um"
 """Parameter of a shifted zero."""
@@ -73,9 +74,9 @@ class ZeroShift:
         """Refuse touches without a machine."""
         raise InputError(f"effect {self.id!r}: got touches only, expected a set-up beside them")
 
-    def on_machine(self, machine: Any) -> _Shifted:
+    def on_machine(self, machine: Any) -> FromThenOn:
         """Return what changes the readings on a machine."""
-        return _Shifted(self.t0_s, machine.moved(self.letter))
+        return FromThenOn(self.t0_s, ZERO, machine.moved(self.letter))
 
 
 def zero_shifts(data: Any) -> dict[str, ZeroShift]:
@@ -83,19 +84,3 @@ def zero_shifts(data: Any) -> dict[str, ZeroShift]:
     t0_s = break_of(data.time_s)
     shifts = [] if t0_s is None else [ZeroShift(letter, t0_s) for letter in "xyz"]
     return {shift.id: shift for shift in shifts}
-
-
-@dataclass(frozen=True, eq=False)
-class _Shifted:
-    """By how much readings change as the tool stands further by 1 µm, (n,), from a moment on."""
-
-    t0_s: float
-    column: Floats
-
-    def change(self, data: Any, values: Mapping[str, float]) -> Floats:
-        """Change of each reading, (n,)."""
-        return self.jacobian(data, values)[:, 0] * values[ZERO]
-
-    def jacobian(self, data: Any, _: Mapping[str, float]) -> Floats:
-        """Derivative of the change, (n, 1)."""
-        return np.where(np.asarray(data.time_s) >= self.t0_s, self.column, 0.0)[:, None]

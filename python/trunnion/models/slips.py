@@ -48,21 +48,22 @@ class SlipTurn:
         """Refuse touches without a machine."""
         raise InputError(f"effect {self.id!r}: got touches only, expected a set-up beside them")
 
-    def on_machine(self, machine: Any) -> _Turned:
+    def on_machine(self, machine: Any) -> FromThenOn:
         """Return what changes the readings on a machine."""
-        return _Turned(self.t0_s, machine.placed(TURN))
+        return FromThenOn(self.t0_s, TURN, machine.placed(TURN))
 
 
 @dataclass(frozen=True, eq=False)
-class _Turned:
-    """By how much readings change by a turn of 1 arcsec, (n,), from a moment on."""
+class FromThenOn:
+    """By how much readings change per unit of a parameter, ``column`` (n,), from a moment on."""
 
     t0_s: float
+    parameter: str
     column: Floats
 
     def change(self, data: Any, values: Mapping[str, float]) -> Floats:
         """Change of each reading, (n,)."""
-        return self.jacobian(data, values)[:, 0] * values[TURN]
+        return self.jacobian(data, values)[:, 0] * values[self.parameter]
 
     def jacobian(self, data: Any, _: Mapping[str, float]) -> Floats:
         """Derivative of the change, (n, 1)."""

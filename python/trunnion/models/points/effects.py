@@ -137,7 +137,7 @@ class WarmUp:
     too.
 
     id, label, owner: As of an effect. sizes: Its linear parameters, of what grows ``ppm`` first.
-    axes: That move, or None for all.
+    axes: That move.
     """
 
     id: str
