@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 import from_twin
 import trunnion as tn
 from power import report
-from power.random_cases import size
+from power.measured_twin import size_of
 from power.study import draw_effects, ground
 from trunnion.base.errors import TrunnionError
 from twin.forward import Truth
@@ -129,8 +129,8 @@ def plain(sets: Iterable[frozenset[str]]) -> list[frozenset[str]]:
 def by_touches(rng: Rng) -> tuple[Any, tn.Setup, Machine]:
     """Touches by the paper's plan."""
     plan, setup, _, read = ground("paper")
-    noise = size(rng, 0.2, 1.0)
-    effects = draw_effects(rng, "paper", int(rng.integers(1, 3)), noise * size(rng, 1.0, 6.0))
+    noise = size_of(rng, 0.2, 1.0)
+    effects = draw_effects(rng, "paper", int(rng.integers(1, 3)), noise * size_of(rng, 1.0, 6.0))
     truth = Truth(errors=random_errors(rng), placement=random_placement(rng), effects=effects)
     seed = int(rng.integers(1 << 31))
     first = measure(plan, setup, truth, noise_um=noise, tick_um=0.1, seed=seed)
@@ -140,7 +140,7 @@ def by_touches(rng: Rng) -> tuple[Any, tn.Setup, Machine]:
 def by_circles(rng: Rng) -> tuple[Any, tn.Setup, Machine]:
     """Circles in XY, one each way, in one place of the machine."""
     names = rng.choice(OF_CIRCLE, int(rng.integers(1, 4)), replace=False)
-    sizes = {str(name): float(rng.choice([-1, 1])) * size(rng, 1.0, 8.0) for name in names}
+    sizes = {str(name): float(rng.choice([-1, 1])) * size_of(rng, 1.0, 8.0) for name in names}
     units = {"scale": "ppm", "backlash": "b_um", "squareness": "arcsec"}
     factors = {"scale": 10.0, "backlash": 1.0, "squareness": 2.0}  # 100 mm: 1 µm
     longer = sizes.pop("ballbar_length", 0.0)

@@ -21,9 +21,10 @@ from numpy.typing import NDArray
 
 import trunnion as tn
 from power import pairs, report
+from power.measured_twin import size_of
 from power.one_machine import TOGETHER, Together, drawn
 from power.probabilities import Pairs, Stated, by_chance, calibration_error
-from power.random_cases import LEFT, SAME, VISIBLE, size
+from power.random_cases import LEFT, SAME, VISIBLE
 from power.study import ground
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.model import Model
@@ -105,7 +106,7 @@ def seen(kinds: Sequence[str], number: int, seed: int) -> Together:
         same = any(abs(left @ o) > SAME * long * np.linalg.norm(o) for o in acting if np.any(o))
         if share > VISIBLE and not same:
             acting.append(left)
-            shares[name] = ENLARGED * size(rng, *LEFT) / long
+            shares[name] = ENLARGED * size_of(rng, *LEFT) / long
     return drawn(kinds, number, seed, none | shares)
 
 

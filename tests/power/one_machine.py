@@ -21,8 +21,8 @@ import ballbar_study
 import positioning_twin
 import trunnion as tn
 from power.further import moved
-from power.measured_twin import POINT_EFFECTS, SWEEP_EFFECTS, make_points, make_sweep
-from power.random_cases import COUNTS, HYBRID, LEFT, UNKNOWN_SHARE, axislog, diameters, size
+from power.measured_twin import POINT_EFFECTS, SWEEP_EFFECTS, make_points, make_sweep, size_of
+from power.random_cases import COUNTS, HYBRID, LEFT, UNKNOWN_SHARE, axislog, diameters
 from power.study import draw_effects, draw_unknown, ground, visible
 from twin.forward import Truth
 from twin.generator import measure, random_errors, random_placement
@@ -162,7 +162,7 @@ def _shared(rng: Rng, kinds: Sequence[str]) -> Effects:
     out: Effects = {}
     for name in rng.choice(sorted(names), count, replace=False) if count else ():
         unit, factor = SHARED[str(name).partition("_")[0]]
-        value = float(rng.choice([-1.0, 1.0])) * size(rng, *SHARED_UM) * factor
+        value = float(rng.choice([-1.0, 1.0])) * size_of(rng, *SHARED_UM) * factor
         out[str(name)] = {unit: value}
     return out
 
@@ -179,8 +179,8 @@ def _touches(machine: Machine, rng: Rng, count: int) -> list[Made]:
     own = machine.own("touches")
     name = str(own.choice(["paper", "rich"]))
     plan, setup, _, read = ground(name)
-    noise = size(own, 0.1, 2.0)
-    rms = noise * (size(own, 0.7, 7.0) if name == "paper" else size(own, 0.3, 3.0))
+    noise = size_of(own, 0.1, 2.0)
+    rms = noise * (size_of(own, 0.7, 7.0) if name == "paper" else size_of(own, 0.3, 3.0))
     names = [effect for effect in visible(name) if not effect.startswith(tuple(SHARED))]
     hidden = () if machine.bare else _one(own, names)
     effects = draw_effects(own, name, 1, rms, hidden) if hidden else {}
@@ -211,7 +211,7 @@ def _points(machine: Machine, rng: Rng, count: int) -> list[Made]:
     shared = ("scale", "squareness", "field")
     names = [name for name in POINT_EFFECTS if not name.startswith(shared)]
     hidden = _one(own, names)
-    left = [size(own, *LEFT) for _ in hidden]
+    left = [size_of(own, *LEFT) for _ in hidden]
     hidden, left = ((), []) if machine.bare else (hidden, left)
     made = make_points(int(own.integers(1 << 31)), hidden, groups=count, left=left).columns
     per_date = len(made["x_mm"]) // count
@@ -227,7 +227,7 @@ def _points(machine: Machine, rng: Rng, count: int) -> list[Made]:
         if unknown:  # one after the other is off, and back again
             turns = rng.uniform(1.5, 4) * np.arange(per_date) / per_date
             wave = np.sin(2 * np.pi * turns + rng.uniform(0, 6.28))
-            off[:, 1] += 2e-3 * size(rng, 0.5, 4.0) * wave
+            off[:, 1] += 2e-3 * size_of(rng, 0.5, 4.0) * wave
         columns |= {f"{a}_mm": columns[f"{a}_mm"] + off[:, i] for i, a in enumerate("xy")}
         out.append(Made(tn.Points(**columns), None, frozenset(hidden), unknown))
     return out
@@ -239,7 +239,7 @@ def _sweep(machine: Machine, rng: Rng, count: int) -> list[Made]:
     hidden = tuple(
         map(str, own.choice(SWEEP_EFFECTS, int(own.choice(len(COUNTS), p=COUNTS)), replace=False))
     )
-    seed, large = int(own.integers(1 << 31)), size(own, 0.7, 7.0) / NEARLY_NONE_UM
+    seed, large = int(own.integers(1 << 31)), size_of(own, 0.7, 7.0) / NEARLY_NONE_UM
     made = make_sweep(seed, hidden, large, noise_um=NEARLY_NONE_UM).columns
     out = []
     for _ in range(count):
@@ -249,7 +249,7 @@ def _sweep(machine: Machine, rng: Rng, count: int) -> list[Made]:
         unknown = _hides(rng)
         if unknown:  # a sharp dip at one position
             far = (columns["angle_deg"] - columns["angle_deg"].mean()) / rng.uniform(8, 15)
-            columns["z_mm"] = columns["z_mm"] + 4e-3 * size(rng, 0.5, 4.0) * np.exp(-(far**2))
+            columns["z_mm"] = columns["z_mm"] + 4e-3 * size_of(rng, 0.5, 4.0) * np.exp(-(far**2))
         out.append(Made(tn.Sweep(**columns), None, frozenset(hidden), unknown))
     return out
 
@@ -272,11 +272,11 @@ def _bars(exact: Any, rng: Rng, noise_um: float, more: Floats | float = 0.0) -> 
 def _ballbar(machine: Machine, rng: Rng, count: int) -> list[Made]:
     own = machine.own("ballbar")
     hidden, seed = _one(own, BALLBAR_OWN), int(own.integers(1 << 31))
-    left = [size(own, *LEFT) * BAR_NOISE_UM / NEARLY_NONE_UM for _ in hidden]
+    left = [size_of(own, *LEFT) * BAR_NOISE_UM / NEARLY_NONE_UM for _ in hidden]
     hidden, left = ((), []) if machine.bare else (hidden, left)
     out = []
     for _ in range(count):
-        odd = [size(rng, *LEFT) * BAR_NOISE_UM / NEARLY_NONE_UM] if _hides(rng) else []
+        odd = [size_of(rng, *LEFT) * BAR_NOISE_UM / NEARLY_NONE_UM] if _hides(rng) else []
         kinds = [*hidden, *(["unknown"] if odd else [])]
         exact, names = ballbar_study.cartesian_cases(
             kinds, seed, sigma_um=NEARLY_NONE_UM, left=[*left, *odd]
@@ -311,7 +311,7 @@ def _hybrid(machine: Machine, rng: Rng, count: int) -> list[Made]:
     )
     seed = int(own.integers(1 << 31))
     usual = ballbar_study.hybrid_left(hidden, seed)
-    shares = {name: size(own, *LEFT) / usual[name] for name in hidden}
+    shares = {name: size_of(own, *LEFT) / usual[name] for name in hidden}
     exact = ballbar_study.hybrid_cases(shares, seed, sigma_um=0.0)
     return [Made(_bars(exact, rng, HYBRID_NOISE_UM), None, frozenset(hidden)) for _ in range(count)]
 
@@ -322,7 +322,7 @@ def _positioning(machine: Machine, rng: Rng, count: int) -> list[Made]:
     hidden, seed, large = (
         _one(own, POSITIONING_OWN),
         int(own.integers(1 << 31)),
-        size(own, 0.5, 3.0),
+        size_of(own, 0.5, 3.0),
     )
     hidden = () if machine.bare else hidden
     out = []
@@ -337,7 +337,7 @@ def _positioning(machine: Machine, rng: Rng, count: int) -> list[Made]:
             off += large * positioning_twin.HIDDEN[name](data, np.random.default_rng(seed))
         unknown = _hides(rng)
         if unknown:
-            off += size(rng, 0.5, 3.0) * positioning_twin.HIDDEN["unknown"](data, rng)
+            off += size_of(rng, 0.5, 3.0) * positioning_twin.HIDDEN["unknown"](data, rng)
         measured = data.measured + 1e-3 * off
         read = data.with_columns(measured_mm=measured, axis=["X"] * len(data))
         out.append(Made(read, None, frozenset(hidden), unknown))

@@ -21,7 +21,14 @@ import positioning_twin
 import rotary_test_twin
 import trunnion as tn
 import turning_blind
-from power.measured_twin import POINT_EFFECTS, SPACE_EFFECTS, SWEEP_EFFECTS, make_points, make_sweep
+from power.measured_twin import (
+    POINT_EFFECTS,
+    SPACE_EFFECTS,
+    SWEEP_EFFECTS,
+    make_points,
+    make_sweep,
+    size_of,
+)
 from power.study import ALIKE, draw_effects, draw_unknown, ground
 from trunnion import contouring as ct
 from trunnion.setup import Artefact, Setup
@@ -52,14 +59,9 @@ class Drawn:
     unknown: bool
 
 
-def size(rng: Rng, low: float, high: float) -> float:
-    """Draw a size, logarithmically uniform."""
-    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
-
-
 def _left(rng: Rng, count: int) -> list[float]:
     """Draw what each cause leaves in the readings: root of the sum of squares, in noises."""
-    return [float(rng.choice([-1.0, 1.0])) * size(rng, *LEFT) for _ in range(count)]
+    return [float(rng.choice([-1.0, 1.0])) * size_of(rng, *LEFT) for _ in range(count)]
 
 
 def _some(rng: Rng, names: tuple[str, ...]) -> tuple[str, ...]:
@@ -95,8 +97,8 @@ def touches_of(rng: Rng, name: str, alike: float = ALIKE) -> tuple[Drawn, Truth]
     ``alike``: correlation of what two effects leave, from which on they are not drawn together.
     """
     plan, setup, _, read = ground(name)
-    noise = size(rng, 0.1, 2.0)
-    rms = noise * (size(rng, 0.7, 7.0) if name == "paper" else size(rng, 0.3, 3.0))
+    noise = size_of(rng, 0.1, 2.0)
+    rms = noise * (size_of(rng, 0.7, 7.0) if name == "paper" else size_of(rng, 0.3, 3.0))
     count = int(rng.choice(len(COUNTS), p=COUNTS))
     hidden = draw_effects(rng, name, count, rms, alike=alike) if count else {}
     unknown = bool(rng.random() < UNKNOWN_SHARE)
@@ -122,7 +124,7 @@ def points(rng: Rng, number: int) -> Drawn:
     if unknown:  # one after the other is off, and back again
         n = len(made["x_mm"])
         wave = np.sin(2 * np.pi * rng.uniform(1.5, 4) * np.arange(n) / n + rng.uniform(0, 6.28))
-        made["y_mm"] = made["y_mm"] + 2e-3 * size(rng, 0.5, 4.0) * wave
+        made["y_mm"] = made["y_mm"] + 2e-3 * size_of(rng, 0.5, 4.0) * wave
     return Drawn(tn.Points(**made), None, frozenset(hidden), unknown)
 
 
@@ -135,11 +137,11 @@ def sweep(rng: Rng, number: int) -> Drawn:
     names = (*(n for n in SWEEP_EFFECTS if n != "axial_1"), "tilt_1") if one else SWEEP_EFFECTS
     hidden = _some(rng, names)
     hidden = tuple(n for n in hidden if not one or SAME_OF_ONE_TARGET.get(n) not in hidden)
-    made = make_sweep(900_000 + number, hidden, size(rng, 0.7, 7.0), **one).columns  # type: ignore[arg-type]
+    made = make_sweep(900_000 + number, hidden, size_of(rng, 0.7, 7.0), **one).columns  # type: ignore[arg-type]
     unknown = bool(rng.random() < UNKNOWN_SHARE)
     if unknown:  # a sharp dip at one position
         far = (made["angle_deg"] - made["angle_deg"].mean()) / rng.uniform(8, 15)
-        made["z_mm"] = made["z_mm"] + 4e-3 * size(rng, 0.5, 4.0) * np.exp(-(far**2))
+        made["z_mm"] = made["z_mm"] + 4e-3 * size_of(rng, 0.5, 4.0) * np.exp(-(far**2))
     return Drawn(tn.Sweep(**made), None, frozenset(hidden), unknown)
 
 
@@ -185,7 +187,7 @@ def positioning(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
     )
     change = np.zeros(len(data))
     for name in [*hidden, "unknown"] if unknown else hidden:
-        change += size(rng, 0.5, 3.0) * positioning_twin.HIDDEN[name](data, rng)
+        change += size_of(rng, 0.5, 3.0) * positioning_twin.HIDDEN[name](data, rng)
     data = data.with_columns(measured_mm=data.measured + 1e-3 * change)
     return Drawn(data, None, frozenset(hidden), unknown)
 
@@ -194,7 +196,7 @@ def levels(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
     """A line or a grid, read twice with the level turned in between."""
     way = levels_twin.drawn_way(rng)
     laws = levels_twin.ON_A_GRID if way.grid else levels_twin.ON_A_LINE
-    noise = size(rng, 0.3, 3.0)
+    noise = size_of(rng, 0.3, 3.0)
     made = {name: laws[name](way, rng) for name in _some(rng, tuple(laws))}
     hidden, change = _differing(rng, made, way.left, noise)
     read = way.sense[:, None] * rng.uniform(-60, 60, 2) + change
@@ -207,7 +209,7 @@ def levels(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
 def rotarytest(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
     """An R-test, or bars in five directions, about balls on a tilting rotary table."""
     test = rotary_test_twin.drawn_test(rng)
-    noise = size(rng, 0.2, 2.0)
+    noise = size_of(rng, 0.2, 2.0)
     names = _some(rng, tuple(rotary_test_twin.causes_of(test)))
     made = {name: rotary_test_twin.cause(test, name, rng) for name in names}
     hidden, change = _differing(rng, made, test.left, noise)
@@ -281,7 +283,7 @@ def _logs(batch: int) -> list[Drawn]:
         if unknown:  # an axis that wanders slowly, as no cause does
             for a in own:
                 t = np.linspace(0, 2 * np.pi * rng.uniform(1.5, 4), len(a))
-                a[:, 0] += 1e-3 * size(rng, 0.2, 2.0) * np.sin(t)
+                a[:, 0] += 1e-3 * size_of(rng, 0.2, 2.0) * np.sin(t)
         log = axis_log_twin.log(_commands(), own, rng)
         out.append(Drawn(log, setup, hidden, unknown))
     return out
