@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 import trunnion as tn
 from power.study import ground
 from trunnion.cli import app
-from trunnion.diagnosis import candidates, explain, terms
+from trunnion.diagnosis import alike, candidates, explain, terms
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Values
 from trunnion.diagnosis.functions import DEPENDENT
@@ -360,9 +360,9 @@ def makes(case: Case, term: int, best: Found) -> bool:
     made = np.split(sizes, np.cumsum([b.shape[1] for b in blocks])[:-1])
     left = own - sum(b @ s for b, s in zip(blocks, made, strict=True))
     shares = [float((s**2).sum(axis=0).max(initial=0.0)) for s in made]
-    acting = sum(b.shape[1] for b, s in zip(blocks, shares, strict=True) if s > terms.SAME_SHARE)
-    same = (left**2).sum(axis=0).max(initial=0.0) < terms.SAME_SHARE
-    return bool(same and max(shares) < 1 + terms.SAME_SHARE and acting <= own.shape[1] + 1)
+    acting = sum(b.shape[1] for b, s in zip(blocks, shares, strict=True) if s > alike.SAME_SHARE)
+    same = (left**2).sum(axis=0).max(initial=0.0) < alike.SAME_SHARE
+    return bool(same and max(shares) < 1 + alike.SAME_SHARE and acting <= own.shape[1] + 1)
 
 
 def test_terms_that_causes_make_are_those_by_least_squares_of_their_columns(
@@ -372,7 +372,7 @@ def test_terms_that_causes_make_are_those_by_least_squares_of_their_columns(
     setup = ground("paper")[3]
     causes = {"backlash_x": {"b_um": 6.0}, "backlash_y": {"b_um": -6.0}}
     data = tn.Touches(measured(causes, "paper", 40).columns)
-    asked, sums = list[bool](), terms.sums_of_causes
+    asked, sums = list[bool](), alike.sums_of_causes
 
     def checked(case: Case, some: Sequence[int], best: Found) -> set[int]:
         found = sums(case, some, best)

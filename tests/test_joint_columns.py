@@ -81,7 +81,11 @@ def test_structure_of_several_measurements_is_that_of_each() -> None:
         assert np.allclose(own, expected[same], atol=1e-9)
     for term in range(0, made.count, 17):
         assert np.allclose(taken.block(term), made.block(same[term]), atol=1e-12)
-        assert np.allclose(taken.variants(term), made.variants(same[term]), atol=1e-12)
+        own, again = taken.variants(term), made.variants(same[term])
+        assert isinstance(own, OfSome)
+        assert isinstance(again, OfSome)
+        assert own.at == again.at
+        assert np.allclose(own.own, again.own, atol=1e-12)
 
 
 def joint(kinds_of: tuple[str, ...], number: int, *, own: bool) -> JointModel:

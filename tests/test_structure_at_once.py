@@ -6,10 +6,11 @@ import pytest
 import levels_twin as twin
 import trunnion as tn
 from power.measured_twin import make_sweep
+from trunnion.diagnosis.alike import Alike
 from trunnion.diagnosis.plain import case_of
 from trunnion.diagnosis.scan import Dictionary
 from trunnion.diagnosis.selection import search
-from trunnion.diagnosis.terms import holding_causes, standing_at_once
+from trunnion.diagnosis.terms import standing_at_once
 from trunnion.models.kinds import diagnose
 from trunnion.models.levels import LevelsModel
 from trunnion.models.rotary.model import SweepModel
@@ -46,15 +47,17 @@ def test_a_term_at_once_has_a_size_of_its_own_in_each_component() -> None:
     assert columns.shape == (2 * ROWS, 2)
     left = knocked - columns @ np.linalg.lstsq(columns, knocked, rcond=None)[0]
     assert np.abs(left).max() < 1e-12
-    assert d.variants(number).shape == (1, 2 * ROWS, 2)
+    variants = d.variants(number)
+    assert isinstance(variants, np.ndarray)
+    assert variants.shape == (1, 2 * ROWS, 2)
     assert d.term(number).component == "along and across"
 
 
 def test_a_polynomial_that_holds_a_drift_and_a_bow_takes_not_their_place() -> None:
     case = case_of(LevelsModel(line(np.zeros((ROWS, 2)), np.random.default_rng(2))))
     curves, jumps = (numbers(case.dictionary, kind) for kind in ("polynomial", "jump"))
-    assert curves[-1] in holding_causes(case, curves)  # of degree 4
-    assert not holding_causes(case, jumps)
+    assert curves[-1] in Alike(case, curves).holding_causes()  # of degree 4
+    assert not Alike(case, jumps).holding_causes()
 
 
 @pytest.mark.parametrize("seed", range(12))

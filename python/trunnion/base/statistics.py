@@ -118,6 +118,10 @@ class Spanned:
     def __rmatmul__(self, rows: Floats) -> Floats:
         return np.asarray((rows @ self.columns) @ self.weights)
 
+    def __getitem__(self, some: slice) -> "Spanned":
+        """Rows of it."""
+        return Spanned(self.columns[some], self.weights)
+
     def left(self, values: Floats) -> Floats:
         """Return what the basis leaves of values (n,)."""
         return np.asarray(values - self.columns @ (self.weights @ (values @ self)))

@@ -10,9 +10,10 @@ import numpy as np
 
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.effect import Effect, Parameter, Values
-from trunnion.diagnosis.gains import Variants, gains_at
+from trunnion.diagnosis.gains import TRIALS_AT_ONCE, Variants, gains_beside
 from trunnion.diagnosis.grid import best_place
 from trunnion.diagnosis.linearised import affine
+from trunnion.diagnosis.of_some import OfSome
 
 if TYPE_CHECKING:
     from trunnion.diagnosis.case import Case
@@ -42,7 +43,7 @@ class Beside:
     basis: Floats
     residual: Floats
     common: int = 0
-    kept: dict[tuple[str, bytes], Variants | None] = field(default_factory=dict)
+    kept: dict[tuple[str, bytes], tuple[Variants, slice] | None] = field(default_factory=dict)
 
     @property
     def rss(self) -> float:
@@ -82,18 +83,22 @@ class Along:
         columns = new._beside_common()
         if columns is None:
             return new
-        gains = columns.gains(beside.basis[:, beside.common :], beside.residual)
+        variants, at = columns
+        gains = variants.gains(beside.basis[at, beside.common :], beside.residual[at])
         return replace(new, gains=gains)
 
-    def _beside_common(self) -> Variants | None:
-        """Columns at all places beside what is common; None: readings do not change with these."""
+    def _beside_common(self) -> tuple[Variants, slice] | None:
+        """Columns at all places beside what is common, and of which readings they are.
+
+        None: readings do not change with the places.
+        """
         kept, key = self.beside.kept, (self.effect.id, self.places.tobytes())
         if key not in kept:
             kept[key] = None
             if self.smooth:
-                common = self.beside.basis[:, : self.beside.common]
-                rows = self.columns(self.places).transpose(0, 2, 1)
-                kept[key] = Variants.of(rows - (rows @ common) @ common.T)
+                own = self.columns(self.places)
+                common = self.beside.basis[own.at, : self.beside.common]
+                kept[key] = Variants.of(own.own.transpose(0, 2, 1), common), own.at
         return kept[key]
 
     @property
@@ -112,23 +117,32 @@ class Along:
         """Parameters at a place, linear ones 0."""
         return self.effect.values(place if p is self.free else 0.0 for p in self.effect.parameters)
 
-    def columns(self, places: Floats) -> Floats:
-        """White columns of the linear parameters at places (m, n, k)."""
+    def columns(self, places: Floats) -> OfSome:
+        """White columns of the linear parameters at places, of the readings that they change."""
         every = [self.values(place) for place in places.tolist()]
         case, start = self.case, self.beside.nuisance
         known = case.linearised if start is case.linearised.nuisance else None
-        made = None if known is None else known.columns(self.effect, every)
+        made = None if known is None else known.piece(self.effect, every)
         if made is None:
             made = case.model.white_columns(start, self.effect, every, case.whiten)
-        return made if case.complete else made[:, case.rows]
+        if not isinstance(made, OfSome):
+            made = OfSome(made, slice(0, made.shape[1]))
+        return made if case.complete else made.rows(case.rows)
 
     def at(self, places: Floats) -> Floats:
         """Gains at places (m,)."""
-        return gains_at(self.columns, places, self.beside.basis, self.beside.residual)
+        basis, residual = self.beside.basis, self.beside.residual
+        out = np.zeros(len(places))
+        for first in range(0, len(places), TRIALS_AT_ONCE):
+            some = slice(first, first + TRIALS_AT_ONCE)
+            x = self.columns(places[some])
+            out[some] = gains_beside(x.own, basis[x.at], residual[x.at])
+        return out
 
     def sizes(self, place: float) -> Floats:
         """Linear parameters at a place (k,)."""
-        x, basis = self.columns(np.array([place]))[0], self.beside.basis
+        basis = self.beside.basis
+        x = self.columns(np.array([place])).made(0, len(basis))
         left = x - basis @ (basis.T @ x)
         return np.asarray(np.linalg.lstsq(left, self.beside.residual, rcond=None)[0])
 

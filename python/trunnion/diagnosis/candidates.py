@@ -145,7 +145,7 @@ class Candidates:
         self._keep(self.rank > 0)
 
     def beside(
-        self, variants: Sequence[Floats], own_level: Floats, own_price: Floats | None = None
+        self, variants: Sequence[Columns], own_level: Floats, own_price: Floats | None = None
     ) -> "Candidates":
         """Return these candidates and further ones, numbered after them.
 

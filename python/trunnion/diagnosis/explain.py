@@ -8,6 +8,7 @@ import numpy as np
 
 from trunnion.base.resolution import Floor
 from trunnion.diagnosis.alarms import CAUSE_LEVEL, Alarm, scatter
+from trunnion.diagnosis.alike import Alike, sums_of_causes
 from trunnion.diagnosis.behind import behind, expand
 from trunnion.diagnosis.cancelling import cancelling
 from trunnion.diagnosis.candidates import NAMING_LEVEL, Candidates
@@ -27,15 +28,11 @@ from trunnion.diagnosis.terms import (
     Competing,
     best_terms,
     by_rounding,
-    holding_causes,
     jumps_instead,
-    made_of_causes,
     one_term_score,
     promising,
     standing_at_once,
     stands_for_causes,
-    sums_of_causes,
-    with_a_name,
     with_places,
 )
 from trunnion.diagnosis.whitening import Whiteners, correlated
@@ -396,10 +393,10 @@ def _competing(case: Case, best: Found, extended: Fit, unexplained: bool) -> lis
         picked += standing_at_once(case, best)
     competing = [*with_places(case, picked, (extended, case.plain)), *instead]
     terms = [one.term for one in competing]
-    excluded = sums_of_causes(case, terms, best) | holding_causes(case, terms)
-    excluded |= made_of_causes(case, terms)
+    alike = Alike(case, terms)
+    excluded = sums_of_causes(case, terms, best) | alike.holding_causes() | alike.made_of_causes()
     if not unexplained:
-        excluded |= with_a_name(case, terms)
+        excluded |= alike.with_a_name()
     return [one for one in competing if one.term not in excluded]
 
 

@@ -41,32 +41,46 @@ def gains_beside(variants: Array, basis: Array | Spanned, residual: Array) -> Ar
 
 @dataclass(frozen=True, eq=False)
 class Variants:
-    """Sets of columns, one column a row (v, k, n), and their inner products (v, k, k)."""
+    """Sets of columns, one column a row (v, k, n), and their inner products (v, k, k).
+
+    ``left``: the same beside what is common to all that they are asked for.
+    """
 
     rows: Array
     products: Array
+    left: Array
 
     @classmethod
-    def of(cls, rows: Array) -> Variants:
-        """Those of columns (v, k, n)."""
-        return cls(rows, rows @ rows.transpose(0, 2, 1))
+    def of(cls, rows: Array, common: Array | None = None) -> Variants:
+        """Those of columns (v, k, n); ``common``: orthonormal directions (n, c) beside all."""
+        products = rows @ rows.transpose(0, 2, 1)
+        return cls(rows, products, products if common is None else _less(products, rows, common))
 
     def gains(self, basis: Array | Spanned, residual: Array) -> Array:
-        """Drop of the RSS of a residual by each set beside an orthonormal basis, (v,)."""
+        """Drop of the RSS of a residual by each set beside an orthonormal basis, (v,).
+
+        ``basis``: without what is common to all, which the residual has nothing of.
+        """
         v, k, n = self.rows.shape
-        flat = self.rows.reshape(-1, n)
-        taken = (flat @ basis).reshape(v, k, -1)
-        left = self.products - taken @ taken.transpose(0, 2, 1)
+        left = _less(self.left, self.rows, basis)
         own, before = (np.diagonal(x, axis1=1, axis2=2) for x in (left, self.products))
         size = np.sqrt(np.where(own > GONE * before, own, np.inf))
+        along = self.rows.reshape(-1, n) @ residual
         if k == 1:
-            return np.asarray((flat @ residual / size[:, 0]) ** 2)
+            return np.asarray((along / size[:, 0]) ** 2)
         share, ways = np.linalg.eigh(left / (size[:, :, None] * size[:, None]))
         seen = share > RANK_TOLERANCE**2 * share.max(axis=1, initial=GONE, keepdims=True)
-        along = ((flat @ residual).reshape(v, 1, k) / size[:, None] @ ways)[:, 0]
+        along = (along.reshape(v, 1, k) / size[:, None] @ ways)[:, 0]
         return np.asarray(
             np.sum(np.where(seen, along**2 / np.where(seen, share, 1.0), 0.0), axis=1)
         )
+
+
+def _less(products: Array, rows: Array, basis: Array | Spanned) -> Array:
+    """Inner products (v, k, k) of rows (v, k, n) less those of what an orthonormal basis has."""
+    v, k, n = rows.shape
+    taken = (rows.reshape(-1, n) @ basis).reshape(v, k, -1)
+    return np.asarray(products - taken @ taken.transpose(0, 2, 1))
 
 
 def zoom_one(name: str, grid: Array, values: Values, gains_of: Callable[[Array], Array]) -> None:

@@ -25,6 +25,7 @@ from trunnion.diagnosis.candidates import NAMING_LEVEL
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Values
 from trunnion.diagnosis.fit import Fit, variant_columns
+from trunnion.diagnosis.of_some import OfSome
 from trunnion.diagnosis.scorer import cost
 from trunnion.diagnosis.selection import WITHIN, Search
 from trunnion.diagnosis.terms import Competing
@@ -203,4 +204,5 @@ class _Columns:
         term = self.picked[j - len(self.case.effects)]
         white = self.case.whiten is identity
         of = self.case.dictionary if white else self.case.dictionary_as_read
-        return np.asarray(of.variants(*term)[v])
+        found = of.variants(*term)
+        return found.made(v, len(self.always)) if isinstance(found, OfSome) else found[v]

@@ -17,6 +17,7 @@ from scipy.linalg import orth
 from trunnion.base.resolution import Grid
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats, Integers
+from trunnion.diagnosis.alike import Alike
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Effect, Values
@@ -36,7 +37,6 @@ from trunnion.diagnosis.selection import one_by_one
 from trunnion.diagnosis.steps import weights_of
 from trunnion.diagnosis.structure import placed, with_structure
 from trunnion.diagnosis.suspects import rested_on
-from trunnion.diagnosis.terms import with_a_name
 from trunnion.diagnosis.whitening import Whiten, sizes_of
 
 MAX_TERMS = 2  # of structure that is taken as a cause is: of more its own diagnosis is asked
@@ -112,7 +112,7 @@ def left_one_by_one(case: Case) -> Left | None:
     seen, white, basis = terms_one_by_one(d, white, basis, case.floor, most + 1)
     if len(seen) > most:
         return None
-    named = with_a_name(case, [number for number, _ in seen])
+    named = Alike(case, [number for number, _ in seen]).with_a_name()
     unnamed = [(d.term(number), share) for number, share in seen if number not in named]
     rss, dof = float(white @ white), n - basis.shape[1]
     if sizes is None:

@@ -17,6 +17,7 @@ from trunnion.diagnosis.columns import MAX_DOUBLES, Pencil, Piece, batch_numbers
 from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.fit import grid_values
 from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.of_some import OfSome, Orthonormal
 from trunnion.diagnosis.whitening import Scaling, Whiten, identity
 
 
@@ -84,12 +85,23 @@ class Linearised:
         return self._make(range(len(self.values))) if self._kept is None else self._kept
 
     def columns(self, effect: Effect, values: Sequence[Values]) -> Floats | None:
+        """Return :meth:`piece` of an effect that acts on all readings, (v, n, k)."""
+        made = self.piece(effect, values)
+        return None if isinstance(made, OfSome) else made
+
+    def piece(self, effect: Effect, values: Sequence[Values]) -> Floats | OfSome | None:
         """White columns of an effect at these values, (v, n, k); None: none are kept.
 
         Those elsewhere than at places of the candidates are made once, too.
         """
         if self._kept is None:
             return None
+        made = self._piece(effect, values)
+        at = self._readings.get(effect.id)
+        return made if at is None else OfSome(made, at)
+
+    def _piece(self, effect: Effect, values: Sequence[Values]) -> Floats:
+        """Return the same, of the readings that it acts on (v, m, k)."""
         places, known = self._by_effect.get(effect.id, ({}, np.zeros(0)))
         keys = [tuple(v.values()) for v in values]
         at = [places.get(key) for key in keys]
@@ -104,22 +116,27 @@ class Linearised:
     def _made_at(
         self, effect: Effect, values: Mapping[tuple[float, ...], Values]
     ) -> Mapping[tuple[float, ...], Floats]:
-        """White columns of an effect at some values, (k, n) each, by the numbers of these."""
+        """White columns of an effect at some values, (k, m) each, by the numbers of these."""
         made = self._elsewhere.setdefault(effect.id, {})
         if missing := {key: v for key, v in values.items() if key not in made}:
-            columns = self.model.white_columns(
-                self.nuisance, effect, [*missing.values()], self.whiten
-            )
-            made |= zip(missing, columns.transpose(0, 2, 1), strict=True)
+            some = [*missing.values()]
+            piece = self.model.white_piece(self.nuisance, effect, some, self.whiten)
+            made |= zip(missing, _own(piece).transpose(0, 2, 1), strict=True)
         return made
+
+    @cached_property
+    def _readings(self) -> dict[str, slice]:
+        """Those that effects act on that do not act on all."""
+        of_some = ((j, x) for j, x in self._kept or () if isinstance(x, OfSome | Orthonormal))
+        return {self.model.effects[j].id: x.at for j, x in of_some}
 
     @cached_property
     def _by_effect(self) -> dict[str, tuple[dict[tuple[float, ...], int], Floats]]:
         """White columns of each effect of which all are kept, and at which values each are."""
         pieces: dict[int, list[Floats]] = {}
         for j, piece in self._kept or ():
-            if isinstance(piece, np.ndarray):
-                pieces.setdefault(j, []).append(piece)
+            if isinstance(piece, np.ndarray | OfSome):
+                pieces.setdefault(j, []).append(_own(piece))
         places = {j: {tuple(v.values()): i for i, v in enumerate(self.values[j])} for j in pieces}
         return {
             self.model.effects[j].id: (places[j], x[0] if len(x) == 1 else np.concatenate(x))
@@ -151,6 +168,13 @@ def _pieces(
         most = max(1, batch_numbers(n) // (n * len(effect.parameters)))
         for first in range(0, len(values[j]), most):
             yield j, model.white_piece(nuisance, effect, values[j][first : first + most], whiten)
+
+
+def _own(piece: Floats | OfSome | Orthonormal) -> Floats:
+    """Columns of the readings that an effect acts on, (v, m, k)."""
+    if isinstance(piece, Orthonormal):
+        piece = piece.whole()
+    return piece.own if isinstance(piece, OfSome) else piece
 
 
 def _apart(whiten: Whiten, spread: Spread) -> bool:

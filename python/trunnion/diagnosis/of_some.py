@@ -26,6 +26,12 @@ class OfSome:
         """Count of the variants."""
         return len(self.own)
 
+    def made(self, variant: int, n: int) -> Floats:
+        """Columns of a variant in all n readings, (n, k)."""
+        out = np.zeros((n, self.own.shape[2]))
+        out[self.at] = self.own[variant]
+        return out
+
     def rows(self, some: Integers | slice) -> "OfSome":
         """Return the same of some of the rows, in order, or of all."""
         if isinstance(some, slice):

@@ -109,7 +109,7 @@ def saying(
     entering: dict[int, dict[str, Floats]] = {}
     seen: list[tuple[int, bool, bool, Integers]] = []
     for v in covariates:
-        some = _in_measurement(v, rows)
+        some = in_measurement(v, rows)
         at = some.start
         if at not in entering:
             entering[at] = _entering(components, rows[some])
@@ -128,7 +128,7 @@ def saying(
         yield Said(v, said, some, values, distinct, ranks, enter)
 
 
-def _in_measurement(v: Covariate, rows: Integers) -> slice:
+def in_measurement(v: Covariate, rows: Integers) -> slice:
     """Which of some rows, in order, are of the measurement that a quantity is recorded in."""
     if v.readings is None:
         return slice(0, len(rows))

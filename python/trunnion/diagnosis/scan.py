@@ -9,7 +9,7 @@ goes with.
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import cast
 
 import numpy as np
@@ -25,11 +25,12 @@ from trunnion.diagnosis.gains import gains_beside
 from trunnion.diagnosis.jumps import best_between, best_near, fine_places, near
 from trunnion.diagnosis.local_errors import BESIDE_PLACE, TIMES_WIDTH, local
 from trunnion.diagnosis.model import Covariate, Model
-from trunnion.diagnosis.quantities import Said, at_an_instant, saying
+from trunnion.diagnosis.of_some import OfSome
+from trunnion.diagnosis.quantities import Said, at_an_instant, in_measurement, saying
 from trunnion.diagnosis.smooth import over_range
 from trunnion.diagnosis.waves import WAVES_BETWEEN, waves
 from trunnion.diagnosis.ways import in_words, is_angle
-from trunnion.diagnosis.whitening import Scaling, Whiten, identity
+from trunnion.diagnosis.whitening import Scaling, Whiten, identity, sizes_of
 
 AMONG_PLACES = np.linspace(-0.25, 0.25, 17)  # waves: finer, beside a cause of many columns
 SCAN_LEVEL = 0.01
@@ -324,15 +325,16 @@ class Dictionary:
 
     def block(self, term: int) -> Floats:
         """Columns of a term, shape (n, k)."""
-        if term >= self.count:
-            return np.concatenate([self.block(i) for i in self.in_each(term)], axis=1)
-        found = ((part.some, part.block(term)) for part in self._parts)
-        some, own = next((some, x) for some, x in found if x is not None)
+        own = self._block(term)
         out = np.zeros((len(self._rows), own.shape[1]))
-        out[some] = own
+        out[self.readings(term)] = own
         return out
 
-    def variants(self, term: int, jumps: Sequence[float] = ()) -> Floats:
+    def readings(self, term: int) -> slice:
+        """Which readings of the dictionary a term is of: in others all is 0."""
+        return in_measurement(self._along(self.term(term)), self._rows)
+
+    def variants(self, term: int, jumps: Sequence[float] = ()) -> Floats | OfSome:
         """Columns of a term, shape (v, n, k); those between the terms of the scan, too.
 
         ``jumps``: further places of a jump.
@@ -342,18 +344,30 @@ class Dictionary:
         it. Waves in places have causes of their own, of any length, but where these have sizes of
         their own in each class of readings.
         """
+        own, at = self._variants(term, jumps), self.readings(term)
+        return own if at == slice(0, len(self._rows)) else OfSome(own, at)
+
+    def _block(self, term: int) -> Floats:
+        """Columns of a term, of its own readings only, (m, k)."""
         if term >= self.count:
-            return np.concatenate([self.variants(i) for i in self.in_each(term)], axis=2)
+            return np.concatenate([self._block(i) for i in self.in_each(term)], axis=1)
+        found = (part.block(term) for part in self._parts)
+        return next(x for x in found if x is not None)
+
+    def _variants(self, term: int, jumps: Sequence[float] = ()) -> Floats:
+        """Columns of variants of a term, of its own readings only, (v, m, k)."""
+        if term >= self.count:
+            return np.concatenate([self._variants(i) for i in self.in_each(term)], axis=2)
         of = self.term(term)
         along = self._along(of)
         named = not along.sequence and all(e.spread is None for e in self._model.effects)
         if of.kind not in ("local", "jump") and (of.kind != "wave" or named):
-            return self.block(term)[None]
-        values = np.asarray(along.values, dtype=np.float64)
-        own = values[self._acting(along)]
-        low, high = np.min(own), np.max(own)
+            return self._block(term)[None]
+        values = self._values(along)
+        own = self._distinct(along)
+        low, high = own[0], own[-1]
         if of.kind == "jump":
-            about = near(np.unique(own), float(str(of.number)))
+            about = near(own, float(str(of.number)))
             return self._jumps(of, np.unique([*about, *jumps]))
         if of.kind == "local":
             place, width = of.place_and_width
@@ -374,25 +388,49 @@ class Dictionary:
         """Those of the readings that have a quantity."""
         return self._rows if along.known is None else self._rows[along.known[self._rows]]
 
+    def _values(self, along: Covariate) -> Floats:
+        """Values of a quantity in the readings of its measurement, (m,)."""
+        rows = self._rows[in_measurement(along, self._rows)]
+        return np.asarray(along.values, dtype=np.float64)[rows]
+
     def _distinct(self, along: Covariate) -> Floats:
-        """Different values of a quantity in those readings, ascending."""
+        """Different values of a quantity in the readings that have it, ascending."""
         return np.unique(np.asarray(along.values, dtype=np.float64)[self._acting(along)])
 
     def _jumps(self, of: Term, places: Floats) -> Floats:
-        """Columns of a jump at some places, (v, n, 1)."""
+        """Columns of a jump at some places, of its own readings only, (v, m, 1)."""
         along = self._along(of)
-        values = np.asarray(along.values, dtype=np.float64)
-        return self._white(of, along, (values >= places[:, None]).astype(np.float64)[:, None])
+        behind = self._values(along) >= places[:, None]
+        return self._white(of, along, behind.astype(np.float64)[:, None])
+
+    def _gains_of_jumps(
+        self, of: Term, r: Floats, basis: Floats | Spanned
+    ) -> Callable[[Floats], Floats]:
+        """Gains (t,) of a jump at some places (t,), for residuals (n,)."""
+        at = in_measurement(self._along(of), self._rows)
+        basis, r = basis[at], r[at]
+        return lambda places: gains_beside(self._jumps(of, places), basis, r)
 
     def _white(self, of: Term, along: Covariate, columns: Floats) -> Floats:
-        """White columns (v, n, k) of unit length of functions of a quantity (v, k, n)."""
+        """White columns (v, m, k) of unit length of functions of a quantity (v, k, m)."""
+        rows = self._rows[in_measurement(along, self._rows)]
         if of.component:
-            columns = columns * np.asarray(self._model.components[of.component])
+            columns = columns * np.asarray(self._model.components[of.component])[rows]
         if along.known is not None:
-            columns = columns * along.known
-        white = np.asarray(self._whiten(columns.transpose(2, 0, 1)))[self._rows]
-        size = np.linalg.norm(white, axis=0)
-        return np.asarray((white / np.where(size > 0, size, 1.0)).transpose(1, 0, 2))
+            columns = columns * along.known[rows]
+        if self._sizes is None or np.any(np.isnan(self._sizes[rows])):
+            every = np.zeros((len(self._model.readings), *columns.shape[:2]))
+            every[rows] = columns.transpose(2, 0, 1)
+            white = np.asarray(self._whiten(every))[rows].transpose(1, 2, 0)
+        else:
+            white = columns / self._sizes[rows]
+        size = np.linalg.norm(white, axis=2, keepdims=True)
+        return np.asarray((white / np.where(size > 0, size, 1.0)).transpose(0, 2, 1))
+
+    @cached_property
+    def _sizes(self) -> Floats | None:
+        """By what each of the model's readings is divided, as of :func:`.whitening.sizes_of`."""
+        return sizes_of(self._whiten, len(self._model.readings))
 
     def placed(self, term: int, f: Fit) -> tuple[Term, float]:
         """What a term stands for, and its gain beside a fit; a jump is where it gains most."""
@@ -405,11 +443,8 @@ class Dictionary:
     def place_of_jump(self, term: int, r: Floats, basis: Floats) -> tuple[float, float]:
         """Place between its neighbours where a jump gains most, for residuals (n,); the gain."""
         of = self.term(term)
-        return best_near(
-            self._distinct(self._along(of)),
-            float(str(of.number)),
-            lambda places: gains_beside(self._jumps(of, places), basis, r),
-        )
+        gains = self._gains_of_jumps(of, r, basis)
+        return best_near(self._distinct(self._along(of)), float(str(of.number)), gains)
 
     def best_jumps(
         self, r: Floats, basis: Floats | Spanned, among: Flags
@@ -425,11 +460,7 @@ class Dictionary:
             own = self._distinct(x.covariate)
             scanned, some = np.asarray(x.numbers, dtype=np.float64), fine_places(own, len(r))
             for way in range(len(x.ways)):
-                jumps = partial(self._jumps, x.term(way))
-
-                def gains(places: Floats, jumps: Callable[[Floats], Floats] = jumps) -> Floats:
-                    return gains_beside(jumps(places), basis, r)
-
+                gains = self._gains_of_jumps(x.term(way), r, basis)
                 best = int(np.argmax(gains(own[some])))
                 low, high = some[max(best - 1, 0)], some[min(best + 1, len(some) - 1)]
                 place, _ = best_between(own, int(low), int(high), gains)
@@ -448,9 +479,9 @@ class Dictionary:
         best = those[np.argmax(gain[those], axis=0)]
         for term in np.unique(best).tolist():
             own = np.flatnonzero(best == term)
-            columns = self.variants(term)[:, :, 0].T
-            left = columns - basis @ (basis.T @ columns)
-            square = np.maximum(np.einsum("ij,ij->j", left, left), DEPENDENT)
-            most = np.max((left.T @ r[:, own]) ** 2 / square[:, None], axis=0)
+            columns, at = self._variants(term)[:, :, 0], self.readings(term)
+            square = np.sum(columns**2, axis=1) - np.sum((columns @ basis[at]) ** 2, axis=1)
+            along = columns @ r[at][:, own]
+            most = np.max(along**2 / np.maximum(square, DEPENDENT)[:, None], axis=0)
             gain[term, own] = np.maximum(gain[term, own], most)
         return gain

@@ -1,4 +1,4 @@
-"""Structure without a name beside causes: which terms compete with them, and which say the rest."""
+"""Structure without a name: which terms may stand for causes, and which say what they leave."""
 
 import itertools
 from collections.abc import Sequence
@@ -21,11 +21,6 @@ MAX_TERMS = 10
 MAX_SENTENCES = 3
 MAX_SUMS = 64  # of causes of a set that are compared with terms, those of few first
 MIN_LEFT = 1e-14  # of a sum of squares: rounding
-SAME = 0.9  # correlation from which a cause makes what a term does
-MIN_OF_A_WAY = (
-    0.3  # singular value of unit columns, from which they make one more direction of a term
-)
-SAME_SHARE = 1e-3  # of the variance of a term, that causes which make it may leave
 TINY = 1e-300
 
 
@@ -97,7 +92,7 @@ def standing_at_once(case: Case, best: Found) -> list[int]:
     gain, rank, penalty = _at_once(case, plain, *d.gains(sums, plain.basis))
     about = np.where(rank > 0, worse(gain, penalty), np.inf)
     some = np.flatnonzero(about < 2 * WITHIN)
-    each = [np.sum((_directions(case, d.count + int(i)).T @ sums) ** 2, axis=0) for i in some]
+    each = [np.sum((directions(case, d.count + int(i)).T @ sums) ** 2, axis=0) for i in some]
     value = worse(np.reshape(each, (len(some), sums.shape[1])), penalty[some])
     order = np.argsort(value, kind="stable")
     return _few_of_a_kind(case, d.count + some[order[value[order] < 2 * WITHIN]])
@@ -207,141 +202,11 @@ def by_rounding(case: Case, terms: Sequence[int]) -> Floats:
     return np.asarray(more * d.chance_of(np.array([rank[own].sum() for own in members])))
 
 
-def _directions(case: Case, term: int) -> Floats:
+def directions(case: Case, term: int) -> Floats:
     """Directions of a term that are not always fitted, orthonormal (n, k)."""
     columns, basis = case.dictionary.block(term), case.plain.basis
     own, size, _ = np.linalg.svd(columns - basis @ (basis.T @ columns), full_matrices=False)
     return np.asarray(own[:, size**2 > DEPENDENT])
-
-
-def _smooth(case: Case, term: int) -> int | None:
-    """Return the term of all polynomials of the quantity of a term, if it is a polynomial of it."""
-    d = case.dictionary
-    every: list[int] = d.of_kind("polynomial").tolist()
-    if term not in every:
-        return None
-    same = ((i, d.term(i)) for i in reversed(every))
-    of = d.term(term)
-    return next(i for i, x in same if (x.covariate, x.component) == (of.covariate, of.component))
-
-
-def with_a_name(case: Case, terms: Sequence[int]) -> set[int]:
-    """Terms that a cause alone makes: readings that show them show the cause.
-
-    Or, beside what is linear, all that any smooth function of their quantity makes. A cause of
-    sizes of its own in each class of readings makes a term if it does by one size in all: others
-    that agree are a coincidence. Of a term in all components at once a cause of no more columns has
-    to make just that: a knock nearly is a drift, and what it does to each component tells which of
-    the two.
-    """
-    if not terms:
-        return set()
-    c, basis = case.candidates, case.plain.basis
-    rows = [_directions(case, term).T for term in terms]
-    gains = c.gains(np.concatenate(rows).T)[np.isfinite(c.penalty)]
-    rank = c.rank[np.isfinite(c.penalty)]
-    blocks = np.flatnonzero(np.isfinite(c.penalty))
-    each = np.split(gains, np.cumsum([len(x) for x in rows])[:-1], axis=1)
-    found = set[int]()
-    for term, own, made in zip(terms, rows, each, strict=True):
-        nearly = (rank > len(own)) | (term < case.dictionary.count)
-        least = np.where(nearly, SAME**2, 1.0 - SAME_SHARE)
-        seen = made.mean(axis=1) if len(own) else np.ones(len(rank))
-        for b in np.flatnonzero((seen > least) & (rank > len(own))).tolist():
-            seen[b] = min(seen[b], _of_one_size(case, int(blocks[b]), own))
-        if np.any(seen > least) or not len(own):
-            found.add(term)
-    in_each = {i: case.dictionary.in_each(i) for i in terms if i not in found}
-    smooth = {k: _smooth(case, k) for every in in_each.values() for k in every}
-    widest = {k for k in smooth.values() if k is not None}
-    made_by_one = {k for k in widest if c.makes_any(case.dictionary.block(k), basis)}
-    return found | {i for i, every in in_each.items() if {smooth[k] for k in every} <= made_by_one}
-
-
-def _of_one_size(case: Case, block: int, directions: Floats) -> float:
-    """Share of directions (k, n) that a block makes by one size in all classes of readings."""
-    c, basis = case.candidates, case.plain.basis
-    j = int(c.owner[block])
-    spread = case.effects[j].spread
-    if spread is None:
-        return 1.0
-    made = case.white(spread.functions(case.values[j][int(c.variant[block])]).T)
-    own = np.linalg.qr(made - basis @ (basis.T @ made))[0]
-    return float(np.mean(np.sum((directions @ own) ** 2, axis=1)))
-
-
-def holding_causes(case: Case, terms: Sequence[int]) -> set[int]:
-    """Terms in all components at once that have a cause in them: they would take its place.
-
-    A polynomial of time in X and Y is a drift of X, too, beside what else it is.
-    """
-    c, found = case.candidates, set[int]()
-    for term in terms:
-        if term >= case.dictionary.count:
-            own = _directions(case, term)
-            less = np.isfinite(c.penalty) & (c.rank < own.shape[1])
-            made = c.gains(own).sum(axis=1)
-            if np.any((made > SAME**2 * c.rank)[less]):
-                found.add(term)
-    return found
-
-
-def made_of_causes(case: Case, terms: Sequence[int]) -> set[int]:
-    """Terms that consist of causes: each makes a part of it, and together they make all.
-
-    A first harmonic of the angle of a circle, along X, is a scale of X and a squareness.
-    """
-    c, own = case.candidates, {term: _directions(case, term) for term in terms}
-    several = {term: ways for term, ways in own.items() if ways.shape[1] > 1}
-    if not several:
-        return set()
-    gains = c.gains(np.concatenate([*several.values()], axis=1))
-    ends = np.cumsum([ways.shape[1] for ways in several.values()])
-    found = set[int]()
-    for (term, ways), made in zip(several.items(), np.split(gains, ends[:-1], axis=1), strict=True):
-        inside = made.sum(axis=1) > (1.0 - SAME_SHARE) * c.rank
-        inside &= np.isfinite(c.penalty) & (c.rank < ways.shape[1])
-        parts = [c.columns(int(b)) @ ways for b in np.flatnonzero(inside)]
-        if (
-            parts
-            and np.linalg.matrix_rank(np.concatenate(parts), tol=MIN_OF_A_WAY) == ways.shape[1]
-        ):
-            found.add(term)
-    return found
-
-
-def sums_of_causes(case: Case, terms: Sequence[int], best: Found) -> set[int]:
-    """Terms of which causes of a set together make all, by no more than one coincidence.
-
-    Opposite backlashes of X and Y are a second harmonic of the approach azimuth where touches go
-    along the axes only: that two sizes are equal is nothing rare on one machine, that three are is.
-    A cubic is no sum of causes that are each larger than it and cancel. All is decided on inner
-    products.
-    """
-    if not (best.blocks and terms):
-        return set()
-    c, rows = case.candidates, [case.dictionary.block(term).T for term in terms]
-    columns = np.concatenate(rows).T
-    taken = case.plain.basis.T @ columns
-    # The columns of causes are orthogonal to the basis: theirs are those of what it leaves, too.
-    along = np.concatenate(inners([c.columns(b) for b in best.blocks], columns))
-    gram, count = c.gram(best.blocks), c.rank[list(best.blocks)]
-    ends = np.cumsum([len(x) for x in rows])
-    found = set()
-    for term, x, t, own in zip(
-        terms, rows, *(np.split(a, ends[:-1], axis=1) for a in (taken, along)), strict=True
-    ):
-        square, ways = np.linalg.eigh(x @ x.T - t.T @ t)
-        ways = ways[:, square > DEPENDENT] / np.sqrt(square[square > DEPENDENT])
-        of_ways = own @ ways
-        sizes = np.linalg.lstsq(gram, of_ways, rcond=c.dependent**2)[0]
-        left = 1.0 - 2.0 * np.sum(of_ways * sizes, axis=0) + np.sum(sizes * (gram @ sizes), axis=0)
-        # columns of a block are orthonormal, so that sizes are those of what they make
-        made = np.add.reduceat(sizes**2, np.cumsum(count) - count).max(axis=1, initial=0.0)
-        same = left.max(initial=0.0) < SAME_SHARE and made.max() < 1.0 + SAME_SHARE
-        if same and count[made > SAME_SHARE].sum() <= ways.shape[1] + 1:
-            found.add(term)
-    return found
 
 
 def promising(case: Case, fits: Sequence[Fit], *, at_once: bool) -> list[int]:
