@@ -281,6 +281,13 @@ HAPPENED = {
         "it is gone: nothing is to be done if it was mended or compensated in between; else look "
         "for what else changed.",
     ),
+    Happened.ONCE: Family(
+        "once",
+        "",
+        "it was another in this measurement alone and was as before in the next: look for what was "
+        "otherwise that day (temperature, clamping, what was done to the machine); correct it by "
+        "its value in the others.",
+    ),
     Happened.DIFFERS: Family(
         "contradiction",
         "",

@@ -185,18 +185,19 @@ class JointModel(Model):
         return {a.effect.id: id_ for id_, acts in own.items() for a in acts if a.part == i}
 
     def _possible_changes(self, made: Mapping[str, Effect]) -> Iterator[Effect]:
-        """Changes of what measurements of one kind share, before a later one of them."""
+        """Changes of what measurements of one kind share, before or in a later one of them."""
+        kinds = [part.kind for part in self.parts]
         for i, part in enumerate(self.parts):
-            earlier = [j for j in range(i) if self.parts[j].kind == part.kind]
-            if not earlier:
+            if part.kind not in kinds[:i]:
                 continue
-            before = earlier[-1]
+            before = i - 1 - kinds[:i][::-1].index(part.kind)
+            # the last one alone is another since then
+            changes = [Happened.CHANGED, *[Happened.ONCE] * (part.kind in kinds[i + 1 :])]
             for k in sorted(set(self._index[before]) & set(self._index[i])):
                 x = self.nuisance[k]
-                id_ = Happened.CHANGED.id(part.name, x.name)
-                self._changes[id_] = Change(i, error=x.name)
-                label = f"change of {x.name} before {part.name}"
-                yield self._effect(id_, (size_of("change", x),), label, x.owner)
+                for one in changes:
+                    size = (size_of("change", x),)
+                    yield self._happened(Change(i, one, error=x.name), size, x.name, x.owner)
             for shared, acts in list(self._acts.items()):
                 effect = made[shared]
                 # All axes alike: only where both dates see several of them.
@@ -204,49 +205,47 @@ class JointModel(Model):
                 seen = [sum(a.part == j for a in acts) for j in (before, i)]
                 if min(seen) < least or not effect.linear:
                     continue
-                id_ = Happened.CHANGED.id(part.name, JointId.of(shared).cause)
-                self._changes[id_] = Change(i, effect=shared)
-                label = f"change of {effect.label} before {part.name}"
-                yield self._effect(id_, effect.parameters, label, effect.owner)
-                ended = Happened.ENDED.id(part.name, JointId.of(shared).cause)
-                self._changes[ended] = Change(i, effect=shared, ended=True)
-                label = f"{effect.label}, ended before {part.name}"
-                made_so = self._effect(ended, effect.parameters, label, effect.owner)
+                own = effect.parameters, effect.label, effect.owner
+                for one in changes:
+                    yield self._happened(Change(i, one, effect=shared), *own)
+                ended = self._happened(Change(i, Happened.ENDED, effect=shared), *own)
+                changed = Happened.CHANGED.id(part.name, JointId.of(shared).cause)
                 # Any two of the three are the same: a size on each date.
-                yield replace(made_so, instead_of=(shared, id_))
+                yield replace(ended, instead_of=(shared, changed))
 
     def _possible_differences(self, made: Mapping[str, Effect]) -> Iterator[Effect]:
         """What one kind of measurement sees otherwise than the others that share it."""
-        kinds = [part.kind for part in self.parts]
+        kinds, happened = [part.kind for part in self.parts], Happened.DIFFERS
         for kind, k in errors_apart(self.parts, self._index):
             x = self.nuisance[k]
-            change = Change(kinds.index(kind), error=x.name, of_kind=True)
-            size = (size_of("differs", x),)
-            yield self._difference(kind, change, size, x.name, x.owner, LEVEL)
+            change, size = Change(kinds.index(kind), happened, error=x.name), size_of("differs", x)
+            yield self._happened(change, (size,), x.name, x.owner, LEVEL)
         acting = {
             shared: [(a.part, a.effect) for a in acts]
             for shared, acts in self._acts.items()
             if made[shared].linear
         }
         for kind, shared, level in effects_apart(self.parts, acting, self.alike.id):
-            change, one = Change(kinds.index(kind), effect=shared, of_kind=True), made[shared]
-            yield self._difference(kind, change, one.parameters, one.label, one.owner, level)
+            change, one = Change(kinds.index(kind), happened, effect=shared), made[shared]
+            yield self._happened(change, one.parameters, one.label, one.owner, level)
 
-    def _difference(
+    def _happened(
         self,
-        kind: str,
         change: Change,
         parameters: tuple[Parameter, ...],
         label: str,
         owner: Owner,
-        level: float,
+        level: float = 0.0,
     ) -> Effect:
-        """Candidate that one kind sees an error or an effect otherwise."""
-        name = change.error or change.effect
-        id_ = Happened.DIFFERS.id(kind, name)
+        """Candidate that something happened to an error or an effect, of a label."""
+        part, differs = self.parts[change.since], change.happened is Happened.DIFFERS
+        where, name = part.kind if differs else part.name, change.error or change.effect
+        id_ = change.happened.id(where, JointId.of(name).cause)
         self._changes[id_] = change
-        self.apart[id_] = kind, name
-        return self._effect(id_, parameters, f"{label}, other in {kind}", owner, level=level)
+        if differs:
+            self.apart[id_] = where, name
+        words = change.happened.label(label, where)
+        return self._effect(id_, parameters, words, owner, level=level)
 
     # --- the model
 
@@ -299,10 +298,9 @@ class JointModel(Model):
         return at, own
 
     def _concerns(self, i: int, change: Change) -> bool:
-        """Whether a change acts on a part, if it has that: of its kind, or not before, or after."""
+        """Whether a change acts on a part, if it has that."""
         has = not change.error or self._position(i, change.error) >= 0
-        same = self.parts[i].kind == self.parts[change.since].kind
-        return has and (same if change.of_kind else (i < change.since) == change.ended)
+        return has and change.acts_on(i, [part.kind for part in self.parts])
 
     def _position(self, i: int, error: str) -> int:
         return next((k for k, x in enumerate(self.parts[i].model.nuisance) if x.name == error), -1)

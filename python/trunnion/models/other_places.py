@@ -9,6 +9,7 @@ import numpy as np
 
 from trunnion.base.units import Floats
 from trunnion.diagnosis.effect import EffectValues, Values
+from trunnion.diagnosis.joint_ids import Happened
 from trunnion.models.parts import Acts, Change, Part
 from trunnion.models.positioning import PositioningModel
 
@@ -51,7 +52,7 @@ def left_by_places(
     out: dict[tuple[str, str], float] = {}
     for id_, change in changes.items():
         each = {acts.part: acts for acts in acting.get(change.effect, ())}
-        if change.of_kind:
+        if change.happened is Happened.DIFFERS:
             kind = parts[change.since].kind
             sides = [[i for i in each if parts[i].kind == kind]]
         else:

@@ -14,6 +14,7 @@ from trunnion.base.resolution import Grid
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.effect import Effect, EffectValues, Parameter, Values
+from trunnion.diagnosis.joint_ids import Happened
 from trunnion.diagnosis.linearised import Linearised
 from trunnion.diagnosis.model import Covariate, Model, Nuisance, Readings, Uncertainty
 from trunnion.diagnosis.of_some import OfSome, Orthonormal
@@ -51,17 +52,27 @@ class Acts:
 
 @dataclass(frozen=True)
 class Change:
-    """A shared error or effect that changed before part ``since``; of an error ``effect`` is ''.
+    """What happened to a shared error or effect at part ``since``; of an error ``effect`` is ''.
 
-    Parts are in the order of time, of all kinds. ``ended``: it is in those before, and not from
-    this part on. ``of_kind``: it is another in all measurements of the kind of ``since``.
+    Parts are in the order of time, of all kinds.
     """
 
     since: int
+    happened: Happened
     error: str = ""
     effect: str = ""
-    ended: bool = False
-    of_kind: bool = False
+
+    def acts_on(self, part: int, kinds: Sequence[str]) -> bool:
+        """Whether it acts on a part; ``kinds``: of all parts."""
+        match self.happened:
+            case Happened.CHANGED:
+                return part >= self.since
+            case Happened.ENDED:
+                return part < self.since
+            case Happened.ONCE:
+                return part == self.since
+            case Happened.DIFFERS:
+                return kinds[part] == kinds[self.since]
 
 
 @dataclass(frozen=True, eq=False)
