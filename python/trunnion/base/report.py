@@ -22,6 +22,7 @@ import numpy as np
 
 from trunnion.base.errors import FileFormatError, InputError, TrunnionError
 from trunnion.base.output import write_text
+from trunnion.base.record import Record, hold_record, record_of
 from trunnion.base.saved import Columns, Saved, dataframe
 from trunnion.base.stored import fitting, plain, read_json, structured
 
@@ -311,8 +312,13 @@ class Result(Saved):
         }
 
     def to_json(self, path: str | PathLike[str] | None = None, *, indent: int | None = None) -> str:
-        """Return `to_dict` as JSON text, and write it to `path` where one is given."""
-        text = json.dumps(self.to_dict(), indent=indent, ensure_ascii=False, allow_nan=False)
+        """Return `to_dict` as JSON text, and write it to `path` where one is given.
+
+        The key `"record"` holds the version of the software, the call or command, the date, and
+        the input files with their SHA-256; `from_json` brings it back.
+        """
+        values = {**self.to_dict(), "record": plain(record_of(self))}
+        text = json.dumps(values, indent=indent, ensure_ascii=False, allow_nan=False)
         if path is not None:
             write_text(path, text + "\n")
         return text
@@ -346,6 +352,8 @@ class Result(Saved):
                 found = cls.from_dict(values)
                 # Arrays that do not fit each other, and no covariances, are found here.
                 found.summary()
+                if "record" in values:  # an older version wrote none
+                    hold_record(found, structured(values["record"], Record))
                 return found
         except TrunnionError as error:
             raise FileFormatError(f"{where}: {error}") from error

@@ -99,14 +99,18 @@ class Answer:
     values: Printed with --json: a result, or plain values by name.
     shown: Printed otherwise, one after the other: results (their summaries), tables, or text.
     failed: What was not usable, of several files; the command then ends with `REFUSED`.
-    made_of: Data, set-up and further files of the result, for the record of its report: arguments
-        of `Result.to_html`.
+    made_of: Data, set-up and further files of the result, for its record, in JSON and in the
+        report: arguments of `Result.to_html`.
+    kept: What a JSON file holds beside what is printed.
+    record_of: The result whose record stands in JSON; by default `values`, or the last of them.
     """
 
     values: Any
     shown: tuple[Any, ...] = ()
     failed: tuple[str, ...] = ()
     made_of: Mapping[str, Any] = field(default_factory=dict)
+    kept: Mapping[str, Any] = field(default_factory=dict)
+    record_of: Any = None
 
     @classmethod
     def of(cls, result: Any, *more: Any, **made_of: Any) -> Answer:
@@ -123,9 +127,9 @@ class Answer:
         return save(path, functools.partial(of.to_html, **self.made_of), PAGE)
 
     def save(self, path: Path) -> str:
-        """Write the result: JSON holds all that --json prints, the other formats its tables."""
+        """Write the result: as JSON whole, so that it comes back; in other formats its tables."""
         if path.suffix.lower() == ".json":
-            text = self.json()
+            text = self.json(whole=True)
             return save(path, lambda draft: draft.write_text(text + "\n", encoding="utf-8"))
         result = self._result(path)
         is_page = path.suffix.lower() in WRITTEN[PAGE] and hasattr(result, "to_html")
@@ -142,14 +146,30 @@ class Answer:
             raise InputError(f"--output: got {path}, expected a name that ends in .json")
         return results[0]
 
-    def json(self, command: str = "") -> str:
-        """Return `values` as JSON text; with the name of a command, which schema they follow."""
+    def json(self, command: str = "", *, whole: bool = False) -> str:
+        """Return `values` as JSON text; with the name of a command, which schema they follow.
+
+        whole: With what is `kept`, as a file has it.
+        """
+        from trunnion.base.record import Record, record_of
         from trunnion.base.stored import plain
 
         values = self.values.to_dict() if hasattr(self.values, "to_dict") else self.values
+        values = {**values, **(self.kept if whole else {})}
+        if (of := self._recorded()) is not None:
+            given = Record.of(of, **self.made_of) if self.made_of else record_of(of)
+            values = {**values, "record": given}
         if command:
             values = {"schema": {"command": command, "version": SCHEMA_VERSION}, **values}
         return json.dumps(plain(values), indent=2, ensure_ascii=False, allow_nan=False)
+
+    def _recorded(self) -> Any:
+        """Return the result that the record is of; None for an answer without one."""
+        from trunnion.base.report import Result
+
+        by_name = [*self.values.values()][::-1] if isinstance(self.values, Mapping) else []
+        every = (self.record_of, self.values, *by_name, *self.shown)
+        return next((one for one in every if isinstance(one, Result)), None)
 
     def text(self) -> str:
         """Return what is shown as text."""

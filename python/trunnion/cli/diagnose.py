@@ -11,6 +11,7 @@ import typer
 import trunnion as tn
 from trunnion.base.output import check_folder
 from trunnion.base.progress import tracked
+from trunnion.base.record import Record, hold_record
 from trunnion.cli.command import Answer, Html, Output, check_outputs, command, save, save_result
 from trunnion.cli.given import sort_files
 from trunnion.cli.program import ProbeLog, read_log
@@ -44,7 +45,7 @@ class Further(TypedDict, total=False):
 
 
 NOT_PRINTED = ("residuals", "data")
-"""Readings and data are in files already; `Diagnosis.to_json` has them, too."""
+"""Not on the screen: readings and data are in files already. A file of --output has them, too."""
 _ONE = ("trunnion.diagnosis.result:Diagnosis", "trunnion.models.many:FailedDiagnosis")
 
 
@@ -130,13 +131,14 @@ def diagnose(
     else:
         d = _diagnosis(files, kind, probe_log, effects or [])
         shown = [*said_of(d.data), d]
-    values = {k: v for k, v in d.to_dict().items() if k not in NOT_PRINTED}
+    values = d.to_dict()
+    kept = {name: values.pop(name) for name in NOT_PRINTED}
     if said := said_of(d.data):
         values["recognised"] = said[0].to_dict()
     if html is not None:
         shown.append(save(html, d.to_html))
     further, said_next = _next(d, next_, output)
-    answer = Answer({**values, **further}, (*shown, *said_next))
+    answer = Answer({**values, **further}, (*shown, *said_next), kept=kept, record_of=d)
     if output is None or (next_ and isinstance(d.data, tn.Touches)):
         return answer
     return replace(answer, shown=(*answer.shown, answer.save(output)))
@@ -173,11 +175,18 @@ def _batch(files: list[Path], kind: str, out: Path | None, output: Path | None) 
     data, set_ups = sort_files(files, (1, MAX_BATCH), (0, 1), exist=False)
     found = tn.diagnose_many(data, set_ups[0] if set_ups else None, kind=kind or None)
     values = found.to_dict()
+    kept = {"results": [dict(one) for one in values["results"]]}
     for one in values["results"]:
         for name in NOT_PRINTED:
             one.pop(name, None)
     reports = {} if out is None else _reports(out, found)
-    answer = Answer({**values, "reports": reports}, (found,), failed=tuple(found.failed.values()))
+    answer = Answer(
+        {**values, "reports": reports},
+        (found,),
+        failed=tuple(found.failed.values()),
+        kept=kept,
+        record_of=found,
+    )
     said = []
     if out is not None:
         pages = f"{len(reports) or 'no'} page{'' if len(reports) == 1 else 's'}"
@@ -231,7 +240,10 @@ def _diagnosed(data: Any, setup: tn.Setup | None, effects: list[str]) -> Diagnos
             why = others or "it has none at all"
             idle.append(f"{one} has no effect on {kinds} ({why}): none of it was looked for.")
     d = tn.diagnose(data, setup, effects=found)
-    return replace(d, notes=(*idle, *d.notes))
+    d = replace(d, notes=(*idle, *d.notes))
+    if files := [one for one in effects if Path(one).exists()]:
+        hold_record(d, Record.of(d, inputs=files))
+    return d
 
 
 def _refuse_beside_joint(probe_log: Path | None, out: Path | None) -> None:

@@ -51,7 +51,9 @@ def schema(command: str, version: int, printed: tuple[Printed, ...]) -> dict[str
 
 
 def _form(printed: Printed, definitions: dict[str, Any], head: dict[str, Any]) -> dict[str, Any]:
-    keys: dict[str, Any] = {"schema": head}
+    from trunnion.base.record import Record
+
+    keys: dict[str, Any] = {"schema": head, "record": _of(Record, definitions)}
     required = ["schema"]
     if printed.result:
         of = _less(_result(resolve_name(printed.result), definitions), printed.without)

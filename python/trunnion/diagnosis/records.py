@@ -26,6 +26,12 @@ from trunnion.diagnosis.model import Covariate, Model, Readings
 
 Verdict: TypeAlias = Literal["consistent", "explained", "ambiguous", "unexplained"]
 
+WITHOUT_DATA = (
+    "got a diagnosis from JSON without its measured data (printed by --json, or by an older "
+    "version), expected one with them, as `trunnion diagnose ... --output d.json` and "
+    "Diagnosis.save write it: diagnose the data again"
+)
+"""What is said where a picture, a budget or a model needs the data, and JSON has none."""
 MAX_PARAMETERS = 7  # of a cause: of more the largest is stated
 MIN_P = 0.001  # smaller ones are called so
 MAX_ROWS = 12  # of a table of readings

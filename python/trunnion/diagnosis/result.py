@@ -34,6 +34,7 @@ from trunnion.diagnosis.formula import FormulaEffect
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import (
     MAX_PARAMETERS,
+    WITHOUT_DATA,
     Alternative,
     Cause,
     Gain,
@@ -132,7 +133,8 @@ class Diagnosis(Result):
         complete leaves (`unexplained` says so) is stated and not part of the model.
     data, setup, candidates:
         What :func:`diagnose` was given; None and () for a model of one's own. JSON keeps of a
-        user's own candidates the ids only.
+        user's own candidates those that are formulas (:class:`FormulaEffect`); of Python code, the
+        ids only.
 
     Examples
     --------
@@ -237,7 +239,7 @@ class Diagnosis(Result):
             without them.
         """
         if self.data is None:
-            raise InputError("diagnosis: got one without its data, expected one of measured data")
+            raise InputError(f"diagnosis: {WITHOUT_DATA}")
         kinds = importlib.import_module("trunnion.models.kinds")
         used = distinct_rows(self.data).data
         model: Model = kinds.model_of(used, self.setup, self.candidates)
@@ -261,8 +263,8 @@ class Diagnosis(Result):
             model = other
         elif self.data is None:
             raise InputError(
-                f"score: got {type(other).__name__} for a diagnosis that does not hold its data, "
-                "expected a model of the other data"
+                f"score: got {type(other).__name__}, expected a model of the other data: "
+                f"{WITHOUT_DATA}"
             )
         else:
             model = self.rebuilt_model().bind(distinct_rows(other).data)
@@ -298,6 +300,14 @@ class Diagnosis(Result):
         InputError
             The diagnosis is one of a model of one's own, whose extended model is no estimate.
         """
+        if self.model is None:  # as JSON has it
+            if self.data is None:
+                raise InputError(f"budget: {WITHOUT_DATA}")
+            lacking = ", ".join(sorted(self.named)) or "the causes"
+            raise InputError(
+                f"budget: got a diagnosis from JSON with causes that are Python code ({lacking}), "
+                "expected ones of the catalogue or of a file of effects: diagnose the data again"
+            )
         if not isinstance(self.model, Estimate):
             kind = type(self.model).__name__
             raise InputError(f"budget: got a model of type {kind}, expected an Estimate")
@@ -319,6 +329,7 @@ class Diagnosis(Result):
             "model": plain(model),
             "data": _described(data),
             "candidates": [getattr(c, "id", c) for c in self.candidates],
+            "formulas": [plain(c) for c in self.candidates if isinstance(c, FormulaEffect)],
         }
 
     @classmethod
@@ -326,7 +337,8 @@ class Diagnosis(Result):
         """Return the diagnosis that `to_dict` described."""
         if not isinstance(values, Mapping):
             return super().from_dict(values)
-        given = {**values, "candidates": ()}
+        formulas = values.get("formulas", ())  # an older version wrote none
+        given = {**values, "candidates": structured(formulas, tuple[FormulaEffect, ...])}
         given["data"] = _data_of(values.get("data"))
         if isinstance(values.get("setup"), Mapping):
             given["setup"] = structured(values["setup"], Setup)

@@ -23,7 +23,7 @@ from trunnion.base.units import Floats, unit_of
 from trunnion.data.distinct import Distinct, distinct_rows, given_again
 from trunnion.data.mistaken import of_each
 from trunnion.diagnosis.model import Model
-from trunnion.diagnosis.records import Cause
+from trunnion.diagnosis.records import WITHOUT_DATA, Cause
 from trunnion.diagnosis.refit import Refit, refit
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.ways import directions
@@ -188,7 +188,7 @@ def _source(item: Any, setup: Any) -> _Source:
         if item.data is None:
             if isinstance(item.model, Estimate):
                 return _Source("estimates", _of_estimate(item.model), made=item.model)
-            raise InputError("compare: got a diagnosis without its data, expected one with them")
+            raise InputError(f"compare: {WITHOUT_DATA}")
         return _Source(type(item.data).__name__, {}, item, item.model)
     if isinstance(item, Estimate):
         return _Source("estimates", _of_estimate(item), made=item)

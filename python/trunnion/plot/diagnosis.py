@@ -14,7 +14,15 @@ from trunnion.base.errors import InputError
 from trunnion.base.statistics import factor_of
 from trunnion.base.units import Flags, Floats, capital, unit_of
 from trunnion.diagnosis.model import Covariate, Model
-from trunnion.diagnosis.records import NO_CAUSE, Cause, Residuals, labelled, percent, with_unit
+from trunnion.diagnosis.records import (
+    NO_CAUSE,
+    WITHOUT_DATA,
+    Cause,
+    Residuals,
+    labelled,
+    percent,
+    with_unit,
+)
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.machine.estimate import Estimate
 from trunnion.plot.coordinates import (
@@ -359,7 +367,7 @@ def diagnostics(d: Diagnosis, name: Callable[[str], str] = str) -> list[Picture]
 def record_of(d: Diagnosis) -> Residuals:
     """Return the readings of a diagnosis."""
     if d.residuals is None:
-        raise InputError("plot: got a diagnosis without its residuals, expected one with them")
+        raise InputError(f"plot: {WITHOUT_DATA}")
     return d.residuals
 
 

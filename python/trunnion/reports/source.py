@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
 import platform
-import sys
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -16,8 +14,7 @@ from typing import Any
 import tomli_w
 
 from trunnion._core import __version__
-from trunnion.base.call import COMMAND
-from trunnion.base.input import path_of
+from trunnion.base.record import Record, RecordedFile, held_record, record_of
 from trunnion.base.report import Result, Table
 from trunnion.data.levels import Levels
 from trunnion.data.points import Points
@@ -32,22 +29,6 @@ from trunnion.setup.write import tables_of
 SINGLE = (Positioning, Levels, Points, Sweep)  # of an axis or a part alone
 RECORD = ("machine", "serial", "operator", "date", "instrument")
 """What a record has, of the set-up's table [report]."""
-CALLS = {
-    "Diagnosis": "trunnion.diagnose",
-    "IdentificationResult": "trunnion.identify",
-    "ClosedFormResult": "trunnion.closed_form",
-    "MachineComparison": "trunnion.compare",
-    "Comparison": "trunnion.compare_methods",
-    "Iso2302": "iso230_2",
-    "Iso2302Rotary": "iso230_2",
-    "Iso2304": "trunnion.iso230_4",
-    "CncParameters": "trunnion.cnc_parameters",
-    "CompensationForecast": "trunnion.compensation.compensation_forecast",
-    "VolumetricError": "trunnion.volumetric_error",
-    "ResidualInterval": "trunnion.residual_interval",
-    "BallVerification": "trunnion.verify_ball",
-}
-"""Class of a result → function that makes it."""
 
 
 @dataclass(frozen=True)
@@ -62,8 +43,10 @@ class Source:
         The set-up, or None.
     tolerance
         Largest sizes allowed, by name.
-    made_by
-        The command or call; by default the command that runs, or the function of the class.
+    record
+        Software, call and input files; None for a document without a result.
+    stored
+        Whether the record was made before: it came with the result from JSON, or stands in one.
     inputs
         Files beside those of the data that it was made of: an estimate, a part program.
     """
@@ -71,7 +54,8 @@ class Source:
     data: tuple[DataTable, ...] = ()
     setup: Setup | None = None
     tolerance: Mapping[str, float] = field(default_factory=dict)
-    made_by: str = ""
+    record: Record | None = None
+    stored: bool = False
     inputs: tuple[str, ...] = ()
 
     @classmethod
@@ -79,6 +63,9 @@ class Source:
         cls, result: Result, data: Any, setup: Any, tolerance: Mapping[str, float] | None, by: str
     ) -> Source:
         """Return what is known: as given, else what the result holds itself."""
+        given = data is not None or setup is not None or by != ""
+        stored = not given and held_record(result) is not None
+        record = Record.of(result, data, setup, by) if given else record_of(result)
         data = getattr(result, "data", None) if data is None else data
         several = tuple(data) if isinstance(data, list | tuple) else (data,)
         tables = tuple(one for one in several if isinstance(one, DataTable))
@@ -89,8 +76,7 @@ class Source:
             own = getattr(result, "tolerances", None)
             known = own if isinstance(own, Mapping) else {}
             tolerance = {**known, **(setup.machine.tolerance if setup else {})}
-        call = by or COMMAND.get() or _call(result, tables, inputs, setup)
-        return cls(tables, setup, dict(tolerance), call, inputs)
+        return cls(tables, setup, dict(tolerance), record, stored, inputs)
 
     @property
     def machine(self) -> str:
@@ -139,12 +125,16 @@ class Source:
             ("Report written", datetime.now(UTC).astimezone().isoformat(" ", "seconds")),
             ("Software", f"trunnion {__version__}, Python {platform.python_version()}"),
         ]
-        items: list[Item] = [
-            Table.of("Record", ("", "as stated or found"), rows),
-            *self._checksums(),
-            f"Made by {'the command' if COMMAND.get() else 'the call'}:",
-            Listing(self.made_by),
-        ]
+        if self.stored and self.record is not None:
+            by = f"{self.record.software}, Python {self.record.python}"
+            rows.append(("Result stored", f"{self.record.written}, by {by}"))
+        items: list[Item] = [Table.of("Record", ("", "as stated or found"), rows)]
+        if self.record is not None:
+            items += [
+                *self._checksums(self.record),
+                f"Made by the {'command' if self.record.by_command else 'call'}:",
+                Listing(self.record.made_by),
+            ]
         if missing := [meaning[n] for n in RECORD if not getattr(said, n)]:
             items.append(f"Not stated, in table [report] of the set-up: {'; '.join(missing)}.")
         if self.setup is not None:
@@ -168,9 +158,11 @@ class Source:
         except tomllib.TOMLDecodeError:
             return {}
 
-    @staticmethod
-    def _file_of(setup: Setup) -> str:
-        """Text of the file of the set-up; empty without one."""
+    def _file_of(self, setup: Setup) -> str:
+        """Text of the file of the set-up; empty without one, or where it has changed since."""
+        known = {one.sha256 for one in self.record.files} if self.stored and self.record else set()
+        if known and RecordedFile.of(setup.source, "set-up").sha256 not in known:
+            return ""
         try:
             return Path(setup.source).read_text(encoding="utf-8-sig") if setup.source else ""
         except (OSError, UnicodeDecodeError):
@@ -183,38 +175,19 @@ class Source:
             unused |= {"artefact", "probe", "plan", "control"}
         return tomli_w.dumps({k: v for k, v in tables_of(setup).items() if k not in unused})
 
-    def _paths(self) -> list[tuple[str, str]]:
-        found = [(path, "data") for path, _ in self.files()]
-        found += [(path, "input") for path in self.inputs]
-        if self.setup is not None and self.setup.source:
-            found.append((self.setup.source, "set-up"))
-        return found
-
-    def _checksums(self) -> list[Item]:
+    def _checksums(self, record: Record) -> list[Item]:
         """Files with size, date and checksum; lines that ``sha256sum -c`` takes."""
-        paths = self._paths()
-        if not paths:
+        found = record.files
+        if not found:
             return []
-        found = [(path, what, *_checked(Path(path))) for path, what in paths]
-        rows = [(path, what, size, changed) for path, what, size, changed, _ in found]
-        title = "Files, as they were when this report was written"
-        sums = "\n".join(f"{digest}  {path}" for path, _, _, _, digest in found if digest)
+        rows = [(one.file, one.what, one.bytes, one.changed) for one in found]
+        of = f"the result was stored, {record.written}" if self.stored else ""
+        title = f"Files, as they were when {of or 'this report was written'}"
+        sums = "\n".join(f"{one.sha256}  {one.file}" for one in found if one.sha256)
         listed: list[Item] = (
             ["SHA-256 checksums (sha256sum -c checks them):", Listing(sums)] if sums else []
         )
         return [Table.of(title, ("file", "what", "bytes", "changed"), rows), *listed]
-
-
-def _checked(path: Path) -> tuple[int | None, str, str]:
-    """Return size, date of change and checksum of a file."""
-    try:
-        with path_of(path).open("rb") as opened:
-            digest = hashlib.file_digest(opened, "sha256").hexdigest()
-        about = path.stat()
-    except OSError:
-        return None, "not there any more", ""
-    changed = datetime.fromtimestamp(about.st_mtime, UTC).astimezone()
-    return about.st_size, changed.isoformat(" ", "minutes"), digest
 
 
 def _span(data: DataTable) -> str:
@@ -223,20 +196,3 @@ def _span(data: DataTable) -> str:
     if time is None or not len(time):
         return ""
     return f"{len(data)} rows over {(float(time.max()) - float(time.min())) / 60:.3g} min"
-
-
-def _call(
-    result: Result, data: tuple[DataTable, ...], inputs: tuple[str, ...], setup: Setup | None
-) -> str:
-    """Return the Python call that makes such a result of such data."""
-    name = type(result).__name__
-    called = next((CALLS[k.__name__] for k in type(result).__mro__ if k.__name__ in CALLS), name)
-    given = [
-        next((f'"{path}"' for path in (one.origin.files if one.origin else ())), type(one).__name__)
-        for one in data
-    ]
-    given += [f'"{path}"' for path in inputs]
-    many = f"[{', '.join(given)}]" if len(given) > 1 else "".join(given)
-    parts = [part for part in (many, f'"{setup.source}"' if setup and setup.source else "") if part]
-    script = Path(sys.argv[0]).name if sys.argv and sys.argv[0] else "an interactive session"
-    return f"{called}({', '.join(parts)})  # Python, in {script}"

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
+from trunnion.diagnosis.records import WITHOUT_DATA
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.plot.scenes.machine import posture
 from trunnion.plot.scenes.touches import machine_view, touches_view
@@ -95,10 +96,7 @@ def _diagnosed(d: Diagnosis, context: tuple[Any, ...], options: dict[str, Any]) 
             "of one of them: each has a place of its own in space"
         )
     if d.data is None:
-        raise InputError(
-            "scene of a diagnosis: got one without its data (a record that was saved has none), "
-            "expected one made of a measurement: diagnose the data again"
-        )
+        raise InputError(f"scene: {WITHOUT_DATA}")
     if not isinstance(d.data, Touches) or d.residuals is None:
         return scene(d.data, *context, **options)
     record = d.residuals

@@ -1,0 +1,110 @@
+"""JSON is a record: the same from a command and from Python, with checksums, and it comes back."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import trunnion as tn
+from test_cli import run
+
+TOUCHES, SETUP = tn.sample_path("hidden/touches.csv"), tn.sample_path("hidden/setup.toml")
+BAR = tn.sample_path("ballbar/circle.csv")
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """JSON by the command line and by Python."""
+    folder = tmp_path_factory.mktemp("record")
+    run("diagnose", str(TOUCHES), str(SETUP), "-o", str(folder / "cli.json"))
+    made = tn.diagnose(tn.read(TOUCHES), tn.read_setup(SETUP))
+    made.save(folder / "python.json")
+    return folder / "cli.json", folder / "python.json"
+
+
+def test_the_command_line_and_python_write_the_same(written: tuple[Path, Path]) -> None:
+    held = [json.loads(path.read_text("utf-8")) for path in written]
+    cli, python = ({k: v for k, v in one.items() if k != "record"} for one in held)
+    assert python.items() <= cli.items()
+    assert set(cli) - set(python) <= {"recognised"}
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_it_names_software_call_date_and_files_with_checksums(
+    written: tuple[Path, Path], which: int
+) -> None:
+    record = json.loads(written[which].read_text("utf-8"))["record"]
+    assert record["software"] == f"trunnion {tn.__version__}"
+    assert record["by_command"] == (which == 0)
+    assert "diagnose" in record["made_by"]
+    assert record["written"][:2] == "20"
+    sums = {one["file"]: one["sha256"] for one in record["files"]}
+    files = (TOUCHES, SETUP)
+    assert sums == {str(f): hashlib.sha256(Path(f).read_bytes()).hexdigest() for f in files}
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_it_comes_back_whole(written: tuple[Path, Path], which: int, tmp_path: Path) -> None:
+    made = tn.diagnose(tn.read(TOUCHES), tn.read_setup(SETUP))
+    back = tn.Diagnosis.from_json(written[which])
+    assert back == made
+    assert back.budget() == made.budget()
+    assert back.data == made.data
+    back.plot()
+    page = back.to_html(tmp_path / "back.html").read_text("utf-8")
+    stored = json.loads(written[which].read_text("utf-8"))["record"]
+    assert stored["written"] in page
+    assert stored["files"][0]["sha256"] in page
+
+
+def test_a_file_that_changed_since_does_not_change_the_record(tmp_path: Path) -> None:
+    data = tmp_path / "bar.csv"
+    data.write_bytes(Path(BAR).read_bytes())
+    text = tn.diagnose(tn.read(data)).to_json()
+    data.write_text("other", encoding="utf-8")
+    back = tn.Diagnosis.from_json(text)
+    assert back.to_json() == text
+    page = back.to_html(tmp_path / "back.html").read_text("utf-8")
+    assert json.loads(text)["record"]["files"][0]["sha256"] in page
+    assert hashlib.sha256(b"other").hexdigest() not in page
+
+
+def test_what_printed_json_lacks_is_said_plainly(tmp_path: Path) -> None:
+    printed = tmp_path / "printed.json"
+    printed.write_text(run("diagnose", str(TOUCHES), str(SETUP), "--json"), encoding="utf-8")
+    back = tn.Diagnosis.from_json(printed)
+    needs: list[Any] = [back.plot, back.budget, back.rebuilt_model]
+    needs.append(lambda: back.to_html(tmp_path / "page.html"))
+    for use in needs:
+        with pytest.raises(tn.TrunnionError, match=r"without its measured data .*--output"):
+            use()
+
+
+def test_older_json_is_read_and_a_broken_record_is_refused() -> None:
+    made = tn.diagnose(tn.read(TOUCHES), tn.read_setup(SETUP))
+    values = json.loads(made.to_json())
+    old = {k: v for k, v in values.items() if k not in ("record", "formulas")}
+    assert tn.Diagnosis.from_json(json.dumps(old)) == made
+    with pytest.raises(tn.FileFormatError, match="Record"):
+        tn.Diagnosis.from_json(json.dumps({**values, "record": 5}))
+
+
+def test_effects_of_a_file_come_back() -> None:
+    effect = tn.FormulaEffect("once", "Points", covariate="Y position", unit="mm", component="X",
+                              shape="polynomial", number=3, low=0.0, high=300.0)  # fmt: skip
+    rng, grid = np.random.default_rng(1), np.linspace(0.0, 300.0, 9)
+    x, y = (a.ravel() for a in np.meshgrid(grid, grid))
+    s = y / 150.0 - 1.0
+    off = 6e-3 * (5.0 * s**3 - 3.0 * s) / 2.0
+    noise = rng.normal(0.0, 3e-4, (2, len(x)))
+    data = tn.Points(nominal_x_mm=x, nominal_y_mm=y, x_mm=x + off + noise[0], y_mm=y + noise[1])
+    made = tn.diagnose(data, effects=[effect])
+    back = tn.Diagnosis.from_json(made.to_json())
+    assert back == made
+    assert back.candidates == (effect,)
+    assert back.rebuilt_model().effects[-1].id == "once"
