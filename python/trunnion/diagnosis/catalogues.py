@@ -16,6 +16,7 @@ from trunnion.base.checks import choose
 from trunnion.base.errors import FileFormatError, InputError, UnknownNameError
 from trunnion.base.output import write_text
 from trunnion.diagnosis.formula import FormulaEffect
+from trunnion.diagnosis.formula_checks import needed, remember_places
 from trunnion.diagnosis.own_effects import acting_in
 from trunnion.files.toml import TomlText
 from trunnion.machine.effects import Owner, UserEffect
@@ -69,9 +70,10 @@ def write_effects(path: str | PathLike[str], effects: Iterable[FormulaEffect]) -
 
 def _toml(effect: FormulaEffect) -> str:
     lines = ["[[effect]]", f"# {effect.formula()}"]
+    stated = {"component", *needed(effect)}  # whatever they are: a file without them is refused
     for name, f in _FIELDS.items():
         value = getattr(effect, name)
-        if f.default is MISSING or value != f.default:
+        if f.default is MISSING or name in stated or value != f.default:
             shown = str(value) if isinstance(value, Owner) else value
             lines.append(f"{name} = {json.dumps(shown, ensure_ascii=False)}")
     return "\n".join(lines) + "\n"
@@ -165,10 +167,22 @@ def _effect(text: TomlText, i: int, table: Any) -> FormulaEffect:
     if missing:
         raise text.error(("effect", i), f"got no {', '.join(missing)}, expected it", at_value=False)
     try:
-        return FormulaEffect(**values)
+        made = FormulaEffect(**values)
     except InputError as error:  # "number: got ...", "low, high: got ..."
         keys = [k for k in str(error).partition(":")[0].split(", ") if k in table]
         raise text.error(("effect", i, *keys[:1]), str(error), at_value=bool(keys)) from error
+    if lacking := [name for name in needed(made) if name not in values]:
+        older = ", ".join(f"{name} = {json.dumps(_FIELDS[name].default)}" for name in lacking)
+        raise text.error(
+            ("effect", i),
+            f"effect {made.id!r}: got no {', '.join(lacking)}, expected {', '.join(needed(made))} "
+            f"of the shape {made.shape!r} (was a line deleted? A file of an older version means "
+            f"{older})",
+            at_value=False,
+        )
+    places = {name: text.place(("effect", i, name), at_value=True) for name in values}
+    remember_places(made, {"": text.place(("effect", i), at_value=False), **places})
+    return made
 
 
 @checked

@@ -19,10 +19,12 @@ from trunnion.base.errors import InputError
 from trunnion.base.units import Floats, suffix_of
 from trunnion.diagnosis.effect import Effect, NamedValues, Parameter, gridded, linear, periodic
 from trunnion.diagnosis.formula_checks import (
+    check_dependence,
     check_id,
     check_period,
     check_reading_unit,
     check_waves,
+    wrong,
 )
 from trunnion.diagnosis.local_errors import BESIDE_PLACE, TIMES_WIDTH, Bell, beside, local
 from trunnion.diagnosis.scan import Term, ordinal
@@ -324,29 +326,21 @@ class FormulaEffect:
         """
         if type(data).__name__ != self.data:
             got = type(data).__name__
-            raise InputError(f"effect {self.id!r}: got {got}, expected {self.data}")
+            raise wrong(self, "data", f"data: got {got}, expected {self.data}")
         if described is None:
             described = importlib.import_module("trunnion.models.kinds").described(data)
-        place = next((v for v in described.covariates if v.name == self.covariate), None)
-        known = ["", *described.components]
-        if place is None or self.component not in known:
-            names = ", ".join(v.name for v in described.covariates)
-            raise InputError(
-                f"effect {self.id!r}: got data with {names} (in {', '.join(known[1:])}), expected "
-                f"{self.covariate}{in_words(self.component)}"
-                f"{' of a machine: its set-up is needed' if is_angle(self.component) else ''}"
-            )
+        check_dependence(self, described)
+        place = next(v for v in described.covariates if v.name == self.covariate)
         if self.unit not in ("", place.unit):
             expected = f"{place.unit!r}, the unit of" if place.unit else "none of"
-            raise InputError(
-                f"effect {self.id!r}: unit: got {self.unit!r}, expected {expected} {self.covariate}"
-            )
+            got = f"unit: got {self.unit!r}, expected {expected} {self.covariate}"
+            raise wrong(self, "unit", got)
         s, weight = np.asarray(place.values), self.weights(described)
         of = ANGLE_UNIT if is_angle(self.component) else described
-        check_reading_unit(self.id, self.reading_unit, of, weight != 0)
+        check_reading_unit(self, of, weight != 0)
         if sought and self.shape == "wave" and self.searched:
             longest = max(self.number * PERIODS[1], self.shortest)
-            check_period(self.id, longest, self.covariate, place.unit, s[weight != 0])
+            check_period(self, longest, place.unit, s[weight != 0])
         more: dict[str, Any] = {"label": self.label, "owner": self.owner}
         if self.shape == "local" and self.searched:
             named = tuple(p if isinstance(p, str) else p.name for p in self.parameters)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.diagnosis.effect import Effect, EffectLike, NamedValues, parameters_of
-from trunnion.diagnosis.formula_checks import check_own_name
+from trunnion.diagnosis.formula_checks import check_own_name, wrong
 from trunnion.machine.effects import Owner, own_call, own_numbers, refuse_class
 from trunnion.setup.names import effect_ids
 
@@ -132,6 +132,7 @@ def with_own(
         )
     ids = [e.id for e in catalogue]
     ids += [name for name in known if name not in ids]
+    catalogue_ids = frozenset(ids)
     out = list(catalogue)
     for thing in effects:
         if isinstance(thing, str):
@@ -143,7 +144,14 @@ def with_own(
         made = as_effect(thing, data, described)
         check_own_name(made.id)
         if made.id in ids:
-            raise InputError(f"effect: got {made.id!r} twice, expected a name of its own")
+            own = made.id not in catalogue_ids
+            whose = "another effect that was given" if own else "the catalogue of these data"
+            raise wrong(
+                thing,
+                "id",
+                f"id: got {made.id!r}, which {whose} has too, expected an id of its own"
+                + ("" if own else f", such as {'own_' + made.id!r}"),
+            )
         ids.append(made.id)
         out.append(made)
     return tuple(out)

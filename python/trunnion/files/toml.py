@@ -76,11 +76,15 @@ class TomlText:
 
     def error(self, keys: tuple[str | int, ...], what: str, *, at_value: bool) -> FileFormatError:
         """Return the error `what` at a key or its value; at the nearest table if absent."""
+        return FileFormatError(f"{self.place(keys, at_value=at_value)}: {what}")
+
+    def place(self, keys: tuple[str | int, ...], *, at_value: bool) -> str:
+        """Return file, line and column of a key or its value; of the nearest table if absent."""
         while keys and keys not in self.spans:
             keys, at_value = keys[:-1], False
         span = self.spans.get(keys, Span(0, 0, 0))
         line, column = position_of(self.text, span.value if at_value else span.key)
-        return FileFormatError(f"{self.path}:{line}:{column}: {what}")
+        return f"{self.path}:{line}:{column}"
 
     def written(self, keys: tuple[str | int, ...]) -> str | None:
         """Return the value of a key as it stands in the file, None for a table or an absent key."""
