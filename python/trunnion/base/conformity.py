@@ -114,6 +114,8 @@ class Judged:
         "pass", "fail" or "undecided".
     label
         What people call it.
+    signed
+        The quantity with its sign; None: not known, of JSON of an older version.
     """
 
     name: str
@@ -123,6 +125,7 @@ class Judged:
     guard: float
     decision: Decision
     label: str = ""
+    signed: float | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -176,11 +179,8 @@ class Conformity(Result):
             size, std = abs(values[name]), float((std_errors[name] ** 2 + more**2) ** 0.5)
             guard = guard_band(std, 2 * tolerance, probability)
             decision = decide(size, std, upper=tolerance, lower=-tolerance, probability=probability)
-            out.append(
-                Judged(
-                    name, size, std, float(tolerance), guard, decision, (labels or {}).get(name, "")
-                )
-            )
+            label, signed = (labels or {}).get(name, ""), float(values[name])
+            out.append(Judged(name, size, std, float(tolerance), guard, decision, label, signed))
         return cls(tuple(out), probability)
 
     @property
@@ -213,7 +213,7 @@ class Conformity(Result):
         rows: list[tuple[Cell, ...]] = [
             (
                 j.label or j.name,
-                *measured(j.value, j.std_error),
+                *measured(j.value if j.signed is None else j.signed, j.std_error),
                 significant(j.guard),
                 significant(j.tolerance, 4),
                 unit_of(j.name),

@@ -29,7 +29,6 @@ DataAndSetup = Annotated[
         help="measured data (CSV), and the set-up (TOML) where the kind of data needs one",
     ),
 ]
-SAID = 0.005  # probability of settling a doubt, from which a test is recommended
 MAX_FILES, MAX_BATCH = 50, 100_000  # of a joint diagnosis; each by itself
 MAX_NEXT = 1000  # as next_touches takes, known without importing it
 
@@ -154,11 +153,11 @@ def _next(d: tn.Diagnosis, n: int, output: Path | None) -> tuple[dict[str, Any],
     if not n:
         return {}, []
     tests = tn.next_measurement(d)
-    helping = [one for one in tests if one.chance >= SAID]
+    helping = [one for one in tests if one.helps]
     shown: list[Any] = [
         one.summary() if i else f"Next: {one.summary()}" for i, one in enumerate(helping)
     ]
-    if idle := "; ".join(one.label for one in tests if one.chance < SAID):
+    if idle := "; ".join(one.label for one in tests if not one.helps):
         shown.append(f"{'None' if helping else 'Next: none'} of these settles the doubt: {idle}.")
     if isinstance(d.data, tn.Touches):
         found = tn.expected_discrimination(d, n)

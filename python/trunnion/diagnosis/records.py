@@ -33,6 +33,7 @@ WITHOUT_DATA = (
 )
 """What is said where a picture, a budget or a model needs the data, and JSON has none."""
 MAX_PARAMETERS = 7  # of a cause: of more the largest is stated
+CERTAIN = 0.9  # probability from which a cause acts, whatever its size
 MIN_P = 0.001  # smaller ones are called so
 MAX_ROWS = 12  # of a table of readings
 MAX_WORST = 3  # errors that are stated to be in doubt
@@ -108,6 +109,19 @@ class Cause(Result):
     def sentences(self) -> tuple[str, ...]:
         """Say what it is and how large: ``drift of the Z axis (drift_z): 4.8 ± 0.3 µm/h``."""
         return (f"{self.called()}: {self.size()}",)
+
+    @property
+    def reserve(self) -> str:
+        """What is said behind a probability where it is certain that it acts, but not how large.
+
+        So it is where measurements contradict each other: either value, each of them certain.
+        """
+        pairs = [(self.parameters[k], self.std_errors[k]) for k in self.parameters]
+        if self.probability <= CERTAIN or len(pairs) != 1:
+            return ""
+        value, std = pairs[0]
+        is_open = abs(value) < std < np.inf
+        return "; it acts, its size is not determined" if is_open else ""
 
     def size(self, coverage: float = 1.0) -> str:
         """Say the parameters with `coverage` standard errors; of many only the largest."""

@@ -80,7 +80,7 @@ def sentences_of(d: Diagnosis) -> tuple[str, ...]:
 
 
 def _probable(cause: Cause) -> str:
-    return f"{cause.headline()} ({percent(cause.probability)})"
+    return f"{cause.headline()} ({percent(cause.probability)}{cause.reserve})"
 
 
 def _noise(d: Diagnosis) -> str:

@@ -20,10 +20,8 @@ from trunnion.base.checks import choose, nearest
 from trunnion.base.errors import DataError, InputError, TooFewReadingsError, TrunnionError
 from trunnion.data.distinct import distinct_rows, given_again
 from trunnion.data.frame import (
-    OF_THE_MACHINE,
     frame_changes,
     frame_notes,
-    listed,
     taken_as_said,
 )
 from trunnion.data.times import time_notes
@@ -38,6 +36,7 @@ from trunnion.diagnosis.result import Diagnosis
 from trunnion.files.table import named_columns
 from trunnion.machine.effects import EffectInfo
 from trunnion.models.agreement import with_contradictions
+from trunnion.models.given import check_list, refuse_mapping_of_data, refuse_other_frames
 from trunnion.models.joint import JointModel
 from trunnion.models.mistaken import refusal_explained, with_mistakes, with_mistakes_of_each
 from trunnion.models.several import Measured, joined, joint_model
@@ -387,13 +386,14 @@ def measured_of(found: Diagnosis) -> Measured:
 
 def as_table(data: Any) -> Any:
     """Return data with named columns as data of their kind, anything else as it is."""
+    refuse_mapping_of_data(data)
     named = isinstance(data, Mapping) or type(data).__name__ in ("DataFrame", "Dataset")
     return table_of(data) if named else data
 
 
 def _of_several(data: Sequence[Any], setup: Any, effects: Sequence[EffectLike | str]) -> Diagnosis:
     """Diagnose several measurements of one machine, each once."""
-    _check_several(data)
+    check_list(data, _no_data)
     tables = [as_table(one) for one in data]
     again = given_again(tables)
     notes = tuple(
@@ -416,20 +416,6 @@ def _of_several(data: Sequence[Any], setup: Any, effects: Sequence[EffectLike | 
     return replace(found, notes=(*notes, *said, *found.notes))
 
 
-def _check_several(data: Sequence[Any]) -> None:
-    """Refuse what is no data, lists within the list among it, and a list of less than two."""
-    for i, one in enumerate(data):
-        if isinstance(one, list | tuple):
-            raise InputError(
-                f"data[{i}]: got a {type(one).__name__} of {len(one)}, expected a measurement or a "
-                "diagnosis model: give all of them in one list"
-            )
-        if one is None or isinstance(one, str | PathLike | int | float):
-            raise InputError(_no_data(f"data[{i}]", one))
-    if len(data) < 2:
-        raise InputError(f"data: got {len(data)} measurements in a list, expected at least two")
-
-
 def _measured(
     data: Sequence[Any],
     setup: Any,
@@ -437,9 +423,9 @@ def _measured(
     numbers: Sequence[int] | None = None,
 ) -> list[Measured]:
     """Diagnose each of several measurements alone; ``numbers``: theirs in the list given."""
-    _check_several(data)
+    check_list(data, _no_data)
     data = list(map(as_table, data))
-    _refuse_other_frames(data)
+    refuse_other_frames(data)
     for effect in effects:
         if not isinstance(effect, str) and not any(acting_in([effect], one) for one in data):
             got = ", ".join(dict.fromkeys(type(one).__name__ for one in data))
@@ -459,20 +445,6 @@ def _measured(
                 error.args = (f"{error}. {FOLLOWING}",)
             raise
     return measured
-
-
-def _refuse_other_frames(data: Sequence[Any]) -> None:
-    """Refuse touches in other frames of the control than the first: they share location errors."""
-    frames = [(i, one.control_frame) for i, one in enumerate(data) if isinstance(one, Touches)]
-    known = [(i, frame) for i, frame in frames if frame is not None]
-    for i, frame in known[1:]:
-        if found := known[0][1].differences(frame, OF_THE_MACHINE):
-            got = f"{{name}}: got {{after}} in measurement {i + 1}, expected {{before}} as in "
-            raise DataError(
-                f"{listed(found, f'{got}measurement {known[0][0] + 1}')}: location errors are "
-                "about the axes of the work offset, and those that corrections leave are others. "
-                "Diagnose each by itself; trunnion.compare says what changed"
-            )
 
 
 def _one_of_several(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Measured:

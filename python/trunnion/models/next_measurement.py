@@ -44,6 +44,7 @@ from trunnion.setup import Setup
 MOUNTING_MINUTES: Mapping[str, float] = {"touches": 2.0, "ballbar": 10.0, "positioning": 30.0}
 NOISE_UM = 0.5  # of a ball-bar, and of stops of an axis
 USEFUL = 0.5  # chance from which a test comes before those that are only quick
+NO_HELP = 0.005  # chance below which a test is said not to settle the doubt
 FEW, FEED = 8, 600.0
 TARGETS, CYCLES, STOP_S = 11, 5, 5.0
 TRAVEL_MM = (-150.0, 150.0)  # where the set-up states no range
@@ -94,10 +95,16 @@ class NextMeasurement(Result):
 
     def sentences(self) -> Sequence[str]:
         """Say what to measure, how long it takes and what it is expected to settle."""
-        return (
-            f"{self.label}: {self.minutes:.0f} min, settles the doubt with a probability of "
-            f"{self.chance:.0%}.",
-        )
+        if not self.helps:
+            expected = f"does not settle the doubt (probability below {NO_HELP:.1%})"
+        else:
+            expected = f"settles the doubt with a probability of {self.chance:.0%}"
+        return (f"{self.label}: {self.minutes:.0f} min, {expected}.",)
+
+    @property
+    def helps(self) -> bool:
+        """Whether it may settle the doubt at all; where none does, another instrument is needed."""
+        return self.chance >= NO_HELP
 
     def summary(self) -> str:
         """Return one line."""
@@ -155,9 +162,9 @@ def next_measurement(
     Returns
     -------
     tuple of NextMeasurement
-        The best first; empty where no sets of causes are in doubt. Structure that no cause makes is
-        no such doubt: its notes say what to measure. At most eight sets of causes are compared, the
-        most probable ones.
+        The best first; ``helps`` is false of those that do not settle the doubt. Empty where no
+        sets of causes are in doubt. Structure that no cause makes is no such doubt: its notes say
+        what to measure. At most eight sets of causes are compared, the most probable ones.
 
     Raises
     ------

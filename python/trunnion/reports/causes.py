@@ -93,7 +93,8 @@ class Found:
         """Name a cause with its size, where it is known, and its probability."""
         cause = next((c for c in self.d.causes if c.id == id_), None)
         size = "" if cause is None else f", {self.size(cause)}"
-        return f"{self.label(id_)}{size} ({percent(self.chance(id_))})"
+        reserve = "" if cause is None else cause.reserve
+        return f"{self.label(id_)}{size} ({percent(self.chance(id_))}{reserve})"
 
     def doubtful(self) -> list[list[str]]:
         """Of each set of causes what is not certain, the most probable set first."""
