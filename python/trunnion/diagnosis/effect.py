@@ -94,6 +94,8 @@ ALL_AXES = (
     "one axis, diagnosed together with these readings, says which it is"
 )
 """What the length of an instrument, an artefact or a workpiece looks like."""
+UNIFORMLY_WARM = "a machine that is uniformly warm"
+"""The same in short, for the name of a cause."""
 
 
 @dataclass(frozen=True)
@@ -180,6 +182,11 @@ class Effect:
         """Say what it looks like, of one that looks like something else."""
         said = capital(self.label or self.id)
         return f"{said}: the readings do not distinguish it from {self.looks_like}."
+
+    @property
+    def instead(self) -> str:
+        """What else its name may stand for, in short; empty: nothing."""
+        return UNIFORMLY_WARM if self.looks_like == ALL_AXES else ""
 
     def info(self) -> EffectInfo:
         """Return the entry of a catalogue."""

@@ -268,6 +268,14 @@ OWNED = {
     ),
 }
 """By what a cause belongs to, where it is not the machine's."""
+EITHER = Family(
+    "instrument or machine",
+    "",
+    "the measurement does not say which it is. Measure the length of instrument or artefact, or "
+    "how warm it and the machine were (1 K is about 11 ppm of steel); or measure one axis with "
+    "another instrument and have both measurements diagnosed together. Correct nothing before.",
+)
+"""Of what may as well be a machine that is uniformly warm."""
 HAPPENED = {
     Happened.CHANGED: Family(
         "change",
@@ -300,8 +308,13 @@ HAPPENED = {
 _OF_AXIS = re.compile(r"(\w+)_of_[abcxyz]")
 
 
-def family_of(id_: str, owner: Owner = Owner.MACHINE) -> Family:
-    """Return the family of a cause, of one measurement or of several."""
+def family_of(id_: str, owner: Owner = Owner.MACHINE, instead: str = "") -> Family:
+    """Return the family of a cause, of one measurement or of several.
+
+    instead: What the measurement does not distinguish from it (`Cause.instead`).
+    """
+    if instead:
+        return EITHER
     of = JointId.of(id_)
     if owner in OWNED and not re.fullmatch(OF_BREAK.ids, of.cause):
         return OWNED[owner]

@@ -77,6 +77,9 @@ class Cause(Result):
         What people call it.
     probability:
         Of all sets of causes that hold it, over all sets that were looked at.
+    instead:
+        What else changes the readings alike, in words, so that size and probability are of the one
+        or the other: "a machine that is uniformly warm". Empty: nothing.
 
     Examples
     --------
@@ -97,6 +100,7 @@ class Cause(Result):
     aliases: tuple[str, ...] = ()
     label: str = ""
     probability: float = 1.0
+    instead: str = ""
 
     def __getitem__(self, name: str) -> float:
         """Value of a parameter."""
@@ -106,9 +110,16 @@ class Cause(Result):
         """Return label and id: ``drift of the Z axis (drift_z)``."""
         return labelled(self.id, self.label)
 
+    @property
+    def or_instead(self) -> str:
+        """What stands behind its name where the measurement does not say whether it is the one."""
+        if not self.instead:
+            return ""
+        return f", or {self.instead}, which this measurement does not distinguish from it"
+
     def sentences(self) -> tuple[str, ...]:
         """Say what it is and how large: ``drift of the Z axis (drift_z): 4.8 ± 0.3 µm/h``."""
-        return (f"{self.called()}: {self.size()}",)
+        return (f"{self.called()}{self.or_instead}: {self.size()}",)
 
     @property
     def reserve(self) -> str:

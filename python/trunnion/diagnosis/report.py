@@ -483,6 +483,7 @@ def _causes(
             tuple(sorted(aliases)),
             effect.label,
             e.probabilities.of_cause(j),
+            effect.instead,
         )
         out.append((wald, cause))
     out.sort(key=lambda t: -t[0])

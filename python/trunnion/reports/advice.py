@@ -80,7 +80,8 @@ def _certain(found: Found) -> list[str]:
     said: dict[str, list[str]] = {}
     for c in found.d.causes:
         if c.id in found.certain:
-            said.setdefault(found.family(c.id).advice, []).append(found.label(c.id))
+            name = f"{found.label(c.id)}, or {c.instead}" if c.instead else found.label(c.id)
+            said.setdefault(found.family(c.id).advice, []).append(name)
     return [f"{capital('; '.join(names))}: {advice}" for advice, names in said.items()]
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from trunnion.base.report import Cell, Shown, Table
 from trunnion.base.units import ARCSEC, Floats, capital, parameter_words, unit_of
 from trunnion.data.positioning import Positioning
-from trunnion.diagnosis.families import OWNED, RADIUS_MM, Family, family_of, meaning
+from trunnion.diagnosis.families import EITHER, OWNED, RADIUS_MM, Family, family_of, meaning
 from trunnion.diagnosis.records import Cause, percent, value_in_words
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.machine.effects import Owner
@@ -51,12 +51,18 @@ class Found:
 
     def family(self, id_: str) -> Family:
         """Family of a cause."""
-        return family_of(id_, self.owners.get(id_, Owner.MACHINE))
+        instead = next((c.instead for c in self.d.causes if c.id == id_), "")
+        return family_of(id_, self.owners.get(id_, Owner.MACHINE), instead)
 
     @property
     def of_machine(self) -> list[Cause]:
         """Causes of the machine, of heat or of the part."""
-        return [c for c in self.d.causes if c not in self.of_others]
+        return [c for c in self.d.causes if c not in (*self.of_others, *self.of_either)]
+
+    @property
+    def of_either(self) -> list[Cause]:
+        """Causes of the instrument, or of a machine that is as warm everywhere: not known which."""
+        return [c for c in self.d.causes if c.instead]
 
     @property
     def of_others(self) -> list[Cause]:
@@ -94,7 +100,8 @@ class Found:
         cause = next((c for c in self.d.causes if c.id == id_), None)
         size = "" if cause is None else f", {self.size(cause)}"
         reserve = "" if cause is None else cause.reserve
-        return f"{self.label(id_)}{size} ({percent(self.chance(id_))}{reserve})"
+        either = "" if cause is None else cause.or_instead
+        return f"{self.label(id_)}{either}{size} ({percent(self.chance(id_))}{reserve})"
 
     def doubtful(self) -> list[list[str]]:
         """Of each set of causes what is not certain, the most probable set first."""
@@ -131,7 +138,8 @@ class Found:
         if isinstance(data, Positioning) and not data.rotary:
             travel = float(np.ptp(data.target))
         family = self.family(c.id)
-        text = "" if family in OWNED.values() else meaning(c.id, c.parameters, travel)
+        other = family in (*OWNED.values(), EITHER)
+        text = "" if other else meaning(c.id, c.parameters, travel)
         if _is_curve(c):
             return text or "not the same at every place: see its picture"
         if text and not family.grows:
@@ -162,10 +170,11 @@ class Found:
         return Shown(c.probability, percent(c.probability))
 
     def _name(self, c: Cause) -> str:
-        return capital(self.label(c.id)) + ("" if c.id in self.certain else " (in doubt)")
+        either = f", or {c.instead}" if c.instead else ""
+        return capital(self.label(c.id)) + either + ("" if c.id in self.certain else " (in doubt)")
 
     def tables(self) -> list[Table]:
-        """What was found of the machine, then what is not the machine's."""
+        """What was found of the machine, what may be its, then what is not the machine's."""
         heads = ("", f"size ± U (k = {COVERAGE:g})", "what that means", "probability")
         first = self._largest_errors()
         return [
@@ -182,6 +191,7 @@ class Found:
             )
             for title, causes, errors in (
                 ("What was found", self.of_machine, first),
+                ("Found, the instrument's or the machine's", self.of_either, []),
                 ("Found beside it, not the machine's", self.of_others, []),
             )
             if causes

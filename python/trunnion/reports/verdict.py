@@ -74,7 +74,12 @@ def _located(found: Found) -> list[str]:
 def _found(found: Found) -> list[str]:
     """Say what is certain of the machine, of other things, then what is in doubt."""
     parts = []
-    for head, causes in (("Found", found.of_machine), ("Not the machine's", found.of_others)):
+    heads = (
+        ("Found", found.of_machine),
+        ("The instrument's or the machine's", found.of_either),
+        ("Not the machine's", found.of_others),
+    )
+    for head, causes in heads:
         sure = [found.sized(c.id) for c in causes if c.id in found.certain]
         parts += [f"{head}: {'; '.join(sure)}."] if sure else []
     if len(found.d.evidence) > 1:
