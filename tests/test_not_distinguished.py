@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +40,7 @@ def warm_touches(seed: int) -> tn.Touches:
     return tn.simulate(tn.plan(SETUP), SETUP, effects=warm, noise_um=0.3, seed=seed)
 
 
-CASES = {
+CASES: dict[str, tuple[Callable[[], tn.Diagnosis], str]] = {
     "ball-bar": (lambda: tn.diagnose(warm_circle(0)), "ballbar_length"),
     "touches": (lambda: tn.diagnose(warm_touches(0), SETUP), "artefact_expansion"),
 }

@@ -41,6 +41,7 @@ from trunnion.models.changes import (
 )
 from trunnion.models.dates import days_of, names_of
 from trunnion.models.kinds import as_table, diagnose
+from trunnion.models.temperatures import with_temperatures
 
 COVERAGE = 0.95
 MAX_COMPARED_PARAMETERS = 3  # of an effect; of one with more the rms of what it does is compared
@@ -162,7 +163,7 @@ def compare(
         raise InputError(f"uncertainty: got {wrong[0]!r}, expected one of {', '.join(known)}")
     tested = [_change(name, v[0], v[-1]) for name, v in known.items()]
     tested += [_of_many(name, v[0], v[-1]) for name, v in vectors.items()]
-    return MachineComparison(
+    made = MachineComparison(
         names=shown,
         quantities=_judged(tested, level),
         trends=_trends(known, days, level) if len(sources) > 2 else (),
@@ -174,9 +175,7 @@ def compare(
         mistakes=(*_given_again(shown, sources), *of_each(dict(zip(shown, doubts, strict=True)))),
         notes=tuple(dict.fromkeys(notes)),
     )
-
-
-# --- what each measurement says
+    return with_temperatures(made, [d.data for d in diagnosed])
 
 
 def _source(item: Any, setup: Any) -> _Source:

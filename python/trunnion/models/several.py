@@ -29,6 +29,7 @@ from trunnion.models.changes import done_otherwise
 from trunnion.models.joint import JointModel
 from trunnion.models.parts import Part
 from trunnion.models.positioning import not_shared, supposed_alike
+from trunnion.models.temperatures import temperature_notes
 
 MIN_NOISE = 1e-9  # of a white reading: exact data
 FAR_OUT = 1e6  # noise of an outlier beside that of the others: it says nothing
@@ -243,6 +244,7 @@ def joined(
     if several and any(JointId.of(i).happened for i in found.named):
         notes.append(IN_ORDER)
     notes += warm_alike(found, model)
+    notes += temperature_notes(found, model, [one.data for one in measured])
     for part, one in zip(model.parts, measured, strict=True):
         others = [each.data for each in measured if each is not one]
         shared = not_shared(one.data, others)

@@ -22,6 +22,7 @@ from trunnion.files.origin import places
 from trunnion.files.table import Table as DataTable
 from trunnion.models.next_measurement import USEFUL, next_measurement
 from trunnion.models.next_passes import next_passes
+from trunnion.models.temperatures import WITH_TEMPERATURE
 from trunnion.plot.diagnosis import record_of
 from trunnion.reports.causes import Found
 from trunnion.reports.document import Points
@@ -46,6 +47,7 @@ def to_do(found: Found, source: Source) -> Points:
             f"found. Look for what depends on {_dependence(d)}."
         )
     acts = [*([one] for one in _certain(found)), _doubtful(found)]
+    acts.append([note for note in d.notes if WITH_TEMPERATURE in note])
     acts.sort(key=lambda some: not any(WARM in line for line in some))  # before all compensation
     lines += [line for some in acts for line in some]
     if d.outliers:
@@ -171,7 +173,7 @@ def known_of(d: Diagnosis) -> list[str]:
         if id_ in d.not_identifiable:  # said there
             continue
         lines.append(f"Not excluded, {found.quantity(id_)}: {found.in_words(why)}.")
-    return [*lines, *d.notes]
+    return [*lines, *(note for note in d.notes if WITH_TEMPERATURE not in note)]
 
 
 def _widened(found: Found) -> list[str]:

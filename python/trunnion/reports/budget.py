@@ -12,6 +12,7 @@ import numpy as np
 from trunnion.base.errors import InputError
 from trunnion.base.report import Cell, Shown, Table, significant
 from trunnion.machine.budget import SHARED, Budget, Line, Measurand, freedom
+from trunnion.models.temperatures import recorded
 from trunnion.plot.diagnosis import MAX_PARAMETERS
 from trunnion.reports.document import Item, Section
 from trunnion.reports.results import with_expanded
@@ -47,8 +48,11 @@ def budget_section(
     return Section("Uncertainty budget", tuple(items))
 
 
-def held_by_u(result: Any) -> list[str]:
-    """Say which sources U holds, and that it holds no other; nothing without a budget."""
+def held_by_u(result: Any, data: Any) -> list[str]:
+    """Say which sources U holds, and that it holds no other; nothing without a budget.
+
+    data: What the result was made of.
+    """
     if not callable(make := getattr(result, "budget", None)):
         return []
     try:
@@ -60,6 +64,11 @@ def held_by_u(result: Any) -> list[str]:
     held = "scatter and steps of the readings, and the doubt between causes"
     if calibrated:
         return [f"U holds {held}; beside them: {', '.join(known)}. It holds nothing else."]
+    if temperatures := recorded(data):
+        return [
+            f"U holds {held} alone. Calibration of instrument and artefact and alignment are not "
+            f"in it: nothing is stated of them. Temperature is not in it, either: {temperatures}."
+        ]
     return [
         f"U holds {held} alone. Calibration of instrument and artefact, alignment and temperature "
         "are not in it: nothing is stated of them."

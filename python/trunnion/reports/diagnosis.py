@@ -91,7 +91,7 @@ def diagnosis_document(result: Result, source: Source) -> Document:
     elif "undecided" in decisions:
         verdict += " Of a tolerance it is not decided: the uncertainty is too large."
     limits = [NOT_JUDGED] if d.causes and not source.tolerance else []
-    limits += held_by_u(d.model)
+    limits += held_by_u(d.model, d.data)
     known = known_of(d)
     kinds = ", ".join(dict.fromkeys(map(_kind, source.data))) or "diagnosis"
     return Document(
