@@ -21,6 +21,10 @@ Where the model says so (`.model.Model.together`) these odds are the mean: how o
 not known, and one that acts makes others likelier (a beta-binomial prior, Scott and Berger 2010,
 Bayes and empirical-Bayes multiplicity adjustment). That matters where readings hardly say which.
 
+Nor is it known then how large causes may be: the range of their sizes is from `LEAST_RANGE` to
+`RANGE`, logarithmically uniform and one for all causes of a set. With the widest range alone most
+causes would be larger than what others hide, and one that they may hide would be excluded.
+
 Causes that are expected have their penalty instead: nothing is assumed of their sizes.
 
 Sets by which readings in steps are equally probable have equal odds: a bow of a rail rounds to what
@@ -44,7 +48,10 @@ from trunnion.diagnosis.selection import TINY, Search
 from trunnion.diagnosis.supposed import Supposed
 
 RANGE = 100.0  # of the sizes of a cause: the largest over the least that is seen
+LEAST_RANGE = 10.0  # of these ranges, where they are not known: errors differ by a decade at least
 SIZES = np.geomspace(1.0, RANGE, 33)  # of a cause, over the least
+WIDEST = np.array([len(SIZES)])  # how many of the sizes are in the range
+RANGES = 1 + np.rint((len(SIZES) - 1) * np.linspace(math.log(LEAST_RANGE, RANGE), 1, 5)).astype(int)
 FAR = 8.0  # standard errors: the likelihood of larger sizes is narrow beside the range
 NEGLIGIBLE = 14.0  # of -2 ln of the odds against the best set: less than 0.1 %
 TO_WEIGH = 20.0  # above the best score, to which sets are weighed
@@ -164,13 +171,16 @@ class Evidence:
         sigma = np.sqrt(np.maximum(s.score.floor.noise(rss, c.dof - size), TINY))[of]
         out = s.score.floor.deviance(rss, c.dof) + cost + summed(prior) - together
         out = out + summed(penalty) * c.dof / (c.dof - size / 2 - 1)
-        worth = np.zeros(len(blocks))
+        ranges = RANGES if c.together else WIDEST
+        likely = np.zeros((len(ranges), len(blocks)))
         for k in np.unique(rank[least > 0]).tolist():
             own = (rank == k) & (least > 0)
             error = np.exp(each[own] / (2 * k))
-            likely = _log_mean_likelihood(length[own] / sigma[own], error, k, least[own])
-            worth[own] = each[own] - 2 * likely
-        out = out + summed(worth)
+            likely[:, own] = _log_mean_likelihood(
+                length[own] / sigma[own], error, k, least[own], ranges
+            )
+        out = out + summed(np.where(least > 0, each, 0.0))
+        out = out - 2 * _log_mean(np.stack([summed(one) for one in likely]))
         if c.together:
             causes = summed(((least > 0) & (c.owner[blocks] < self.count)).astype(np.intp))
             out = out - 2 * log_odds_together(c.multiplicity, causes)
@@ -237,21 +247,40 @@ def _log_mean_of_directions(x: Floats, columns: int) -> Floats:
     return np.where(turned > TINY, mean, x**2 / (2 * columns) - x)
 
 
-def _log_mean_likelihood(size: Floats, error: Floats, columns: int, least: Floats) -> Floats:
-    """Logarithm of the mean over the sizes of causes of the likelihood over that of the best (s,).
+def sizes_assumed(together: bool) -> Floats:
+    """Probability of each of `SIZES` of a cause, mean over the ranges that they may have."""
+    ranges = RANGES if together else WIDEST
+    return np.asarray(np.mean((np.arange(len(SIZES)) < ranges[:, None]) / ranges[:, None], axis=0))
 
-    size, error: estimate, the length of a vector of so many columns, and the standard error of
-    each; least: that is seen. All in standard deviations of the noise.
+
+def _log_mean(ln: Floats) -> Floats:
+    """Logarithm of the mean over the first axis of what has the logarithms ``ln``."""
+    largest = ln.max(axis=0)
+    return np.asarray(largest + np.log(np.mean(np.exp(ln - largest), axis=0)))
+
+
+def _log_mean_likelihood(
+    size: Floats, error: Floats, columns: int, least: Floats, ranges: Integers
+) -> Floats:
+    """Logarithm of the mean over the sizes of causes of the likelihood over that of the best.
+
+    Of each range, (r, s). size, error: estimate, the length of a vector of so many columns, and the
+    standard error of each; least: that is seen. All in standard deviations of the noise. ranges:
+    how many of `SIZES` are in each.
     """
     of_sphere = math.lgamma(columns / 2)
     area = math.log(2) + columns / 2 * math.log(math.pi) - of_sphere
     volume = columns * np.log(math.sqrt(2 * math.pi) * error / np.maximum(size, TINY))
-    out = np.asarray(volume - area - math.log(math.log(RANGE)))
+    largest = SIZES[ranges - 1][:, None]
+    out = volume - area - np.log(np.log(largest))
+    # what is larger than the widest range is a cause all the same
+    out = np.where((size > largest * least) & (largest < RANGE), -np.inf, out)
     near = (size <= FAR * error) | (size <= least + 3 * error)
     if near.any():
         b, e = size[near, None], error[near, None]
         sizes = least[near, None] * SIZES
         ln = _log_mean_of_directions(sizes * b / e**2, columns) - (sizes - b) ** 2 / (2 * e**2)
-        largest = ln.max(axis=1, keepdims=True)
-        out[near] = largest[:, 0] + np.log(np.mean(np.exp(ln - largest), axis=1))
-    return out
+        best = ln.max(axis=1, keepdims=True)
+        upto = np.cumsum(np.exp(ln - best), axis=1)[:, ranges - 1] / ranges
+        out[:, near] = (best + np.log(np.maximum(upto, TINY))).T
+    return np.asarray(out)

@@ -34,7 +34,13 @@ from scipy import special
 
 from trunnion.base.units import Floats
 from trunnion.diagnosis.candidates import NAMING_LEVEL, Candidates
-from trunnion.diagnosis.evidence import RANGE, SIZES, Evidence, log_odds_together
+from trunnion.diagnosis.evidence import (
+    RANGE,
+    SIZES,
+    Evidence,
+    log_odds_together,
+    sizes_assumed,
+)
 from trunnion.diagnosis.scorer import SCORE_DIGITS
 from trunnion.diagnosis.selection import TINY, WITHIN, Found, Search
 from trunnion.diagnosis.supposed import Supposed
@@ -324,6 +330,7 @@ class Probabilities:
         hidden &= c.penalty > 0.0
         noise = float(searched.score.floor.noise(rss, max(c.dof - columns, 1)))
         chance, out = c.chance, {}
+        assumed = sizes_assumed(c.together)
         for j in np.unique(c.owner[hidden]).tolist():
             own = c.owner == j
             if j not in members:
@@ -331,7 +338,7 @@ class Probabilities:
                 # fitted exactly, nothing is seen of what is not determined
                 fitted = np.where(np.isinf(c.penalty[own]), 0.0, along[own])
                 seen = np.sqrt(np.minimum(fitted / max(noise, TINY), least))
-                likely = _mean_likelihood(seen, np.sqrt(least * left[own]))
+                likely = _mean_likelihood(seen, np.sqrt(least * left[own]), assumed=assumed)
                 out[j] = float(np.mean(likely)) * float(c.level[j]) / NAMING_LEVEL
         return out
 
@@ -379,12 +386,15 @@ def _mask(members: Collection[int]) -> int:
     return sum(1 << m for m in members)
 
 
-def _mean_likelihood(seen: Floats, least: Floats, sizes: Floats = SIZES) -> Floats:
+def _mean_likelihood(
+    seen: Floats, least: Floats, sizes: Floats = SIZES, assumed: Floats | None = None
+) -> Floats:
     """Likelihood of a cause over that without it, mean over its sizes, shape (b,).
 
     ``seen``: what is seen of it beside the others, in standard errors; ``least``: what would be of
-    the smallest that is seen by itself; ``sizes``: over that, logarithmically uniform.
+    the smallest that is seen by itself; ``sizes``: over that; ``assumed``: how probable each is,
+    None: equally.
     """
     size = sizes[:, None] * least
     either = np.exp(size * (seen - size / 2)) + np.exp(-size * (seen + size / 2))
-    return np.asarray(np.mean(either, axis=0) / 2)
+    return np.asarray(np.average(either, axis=0, weights=assumed) / 2)
