@@ -19,7 +19,6 @@ from power.study import draw_effects, ground
 from promise import kept
 from trunnion.base.units import Floats
 from trunnion.diagnosis.candidates import Candidates
-from trunnion.diagnosis.evidence import log_odds_together
 from trunnion.diagnosis.probability import Probabilities
 from trunnion.diagnosis.selection import search
 from twin.forward import Truth
@@ -59,16 +58,11 @@ def test_one_more_cause_that_does_not_pay_weighs_less() -> None:
     assert weighed
 
 
-def mean_likelihood(readings: Floats, columns: Floats, least: Floats, narrow: float) -> float:
-    """Likelihood, mean over sizes of causes of one column and over the noise, drawn.
-
-    narrow: the narrowest range of sizes, over the least; the widest is 100.
-    """
+def mean_likelihood(readings: Floats, columns: Floats, least: Floats) -> float:
+    """Likelihood, mean over sizes of causes of one column and over the noise, drawn."""
     rng = np.random.default_rng(7)
     shape = (100_000, columns.shape[1])
-    sizes, sign = rng.uniform(0, 1, shape), rng.choice([-1.0, 1.0], shape)
-    ranges = np.exp(rng.uniform(np.log(narrow), np.log(100), (shape[0], 1)))
-    sizes = sign * least * ranges**sizes
+    sizes = least * np.exp(rng.uniform(0, np.log(100), shape)) * rng.choice([-1.0, 1.0], shape)
     sigma = np.geomspace(0.5, 2.0, 41)
     square, along = columns.T @ columns, columns.T @ readings
     own = np.einsum("si,ij,sj->s", sizes, square, sizes)
@@ -76,30 +70,22 @@ def mean_likelihood(readings: Floats, columns: Floats, least: Floats, narrow: fl
     return float(np.mean(sigma[:, None] ** -len(readings) * np.exp(-off / 2)))
 
 
-@pytest.mark.parametrize("together", [False, True])
-def test_sets_weigh_their_mean_likelihood(together: bool) -> None:
-    """Three causes, two of them close to each other: against draws of sizes and noise.
-
-    Together: one that acts makes others likelier, and the range of their sizes is not known.
-    """
+def test_sets_weigh_their_mean_likelihood() -> None:
+    """Three causes, two of them close to each other: against draws of sizes and noise."""
     rng = np.random.default_rng(3)
     shared = rng.standard_normal((40, 1))
     columns = np.concatenate([shared, rng.standard_normal((40, 1)), shared], axis=1)
     columns += [0.0, 0.0, 0.6] * rng.standard_normal((40, 3))
     columns /= np.linalg.norm(columns, axis=0)
     candidates = Candidates([x[None, :, None] for x in columns.T], np.zeros((40, 0)))
-    candidates.together = together
-    least, narrow = np.sqrt(candidates.penalty), 10.0 if together else 100.0
-    more = np.exp(log_odds_together(3.0, np.arange(4))) if together else np.ones(4)
+    least = np.sqrt(candidates.penalty)
     sets = [frozenset(s) for k in range(4) for s in itertools.combinations(range(3), k)]
     compared = 0
     for size in (3.0, 4.5, 6.0, 12.0):
         readings = columns @ [size, 0.0, 0.0] + rng.standard_normal(40)
         stated = Probabilities(search(candidates, readings), candidates)
         true = {
-            s: more[len(s)]
-            * mean_likelihood(readings, columns[:, list(s)], least[list(s)], narrow)
-            / 3.0 ** len(s)
+            s: mean_likelihood(readings, columns[:, list(s)], least[list(s)]) / 3.0 ** len(s)
             for s in sets
         }
         whole = sum(true.values())

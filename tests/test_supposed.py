@@ -1,4 +1,7 @@
-"""What is supposed beside a candidate, and causes of which one makes others likelier."""
+"""What is supposed beside a candidate, and causes of which one makes others likelier.
+
+Of those the range of their sizes is not known, either.
+"""
 
 import numpy as np
 import pytest
@@ -7,8 +10,8 @@ from scipy import special
 
 from trunnion.base.resolution import NO_FLOOR
 from trunnion.diagnosis.candidates import Candidates
-from trunnion.diagnosis.evidence import log_odds_together
-from trunnion.diagnosis.selection import Search
+from trunnion.diagnosis.evidence import Evidence, log_odds_together, sizes_assumed
+from trunnion.diagnosis.selection import Search, search
 from trunnion.diagnosis.supposed import Supposed
 
 Floats = NDArray[np.float64]
@@ -75,3 +78,43 @@ def test_odds_together_are_those_of_a_beta_binomial_distribution(count: int) -> 
     assert chance @ k == pytest.approx(count / (count + 1))
     more = odds[1:] / odds[:-1]
     assert np.all(np.diff(more) > 0)
+
+
+def _of_range(seen: float, least: float, widest: float) -> float:
+    """Mean likelihood of a cause, its size logarithmically uniform up to ``widest`` times least."""
+    size = least * np.exp(np.linspace(0.0, np.log(widest), 4001))
+    either = np.exp(-((size - seen) ** 2) / 2) + np.exp(-((size + seen) ** 2) / 2)
+    return float(np.mean(either))
+
+
+@pytest.mark.parametrize("sizes", [(12.0, 1.0), (12.0, 3.0), (80.0, 3.0)])
+def test_the_range_of_sizes_is_not_known_and_the_same_for_all(sizes: tuple[float, float]) -> None:
+    """Two causes at right angles, of such sizes: by how much a range of 10 to 100 is likelier."""
+    ways = np.linalg.qr(np.random.default_rng(2).standard_normal((READINGS, READINGS)))[0]
+    # what is left makes a noise of 1, whatever is fitted, and hardly anything is explained by it
+    readings = ways[:, :2] @ sizes + ways[:, 2:].sum(axis=1)
+    variants = [ways[:, j][None, :, None] for j in range(2)]
+
+    def odds(together: bool) -> tuple[float, Floats]:
+        c = Candidates(variants, np.zeros((READINGS, 0)))
+        c.together = together
+        found = Evidence(search(c, readings), 2).values
+        return float(np.exp((found[0b01] - found[0b11]) / 2)), np.sqrt(c.chance)
+
+    more, least = odds(together=True)
+    before = odds(together=False)[0]
+    ranges = np.geomspace(10.0, 100.0, 201)
+    each = np.array(
+        [[_of_range(x, t, r) for r in ranges] for x, t in zip(sizes, least, strict=True)]
+    )
+    expected = np.mean(each[0] * each[1]) / np.mean(each[0]) / each[1, -1]
+    expected *= np.exp(np.diff(log_odds_together(2.0, np.array([1, 2])))[0])
+    assert more / before == pytest.approx(expected, rel=0.05)
+
+
+def test_sizes_that_are_hidden_are_of_all_ranges() -> None:
+    for together in (False, True):
+        assert sizes_assumed(together).sum() == pytest.approx(1.0)
+    assert np.ptp(sizes_assumed(together=False)) == 0.0
+    decade = sizes_assumed(together=True)[:17].sum()
+    assert decade == pytest.approx(np.log(2.0), rel=0.05)  # mean of ln 10 / ln range
