@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 
 import trunnion as tn
+from power.one_machine import drawn
+from trunnion.diagnosis.along import of_ratios
+from trunnion.diagnosis.of_some import OfSome
 from trunnion.diagnosis.plain import case_of, plain_fit
 from trunnion.models.ballbar.model import BallbarModel
+from trunnion.models.kinds import model_of
 
 
 def circle() -> Any:
@@ -39,6 +43,29 @@ def test_columns_between_the_places_of_a_grid_are_made_once(
         assert found is not None
         np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
     assert made == [1]  # the place between, the first time
+
+
+def test_columns_between_places_are_those_of_all_readings_where_the_cause_acts() -> None:
+    """Of a cause some columns may be those of its measurement's own diagnosis, and others not."""
+    made = drawn(("touches", "ballbar"), 30, 2)
+    case = case_of(model_of(made.data, made.setup))
+    asked = 0
+    for j, effect in enumerate(case.effects):
+        if (free := of_ratios(effect)) is None:
+            continue
+        middle = free.grid[len(free.grid) // 2 :][:2]
+        values = [
+            effect.values(place if p is free else 0.0 for p in effect.parameters)
+            for place in (*free.grid, float(np.sqrt(np.prod(middle))))
+        ]
+        known = case.linearised.with_places({j: values[-1]})
+        expected = case.model.white_columns(known.nuisance, effect, values, case.whiten)
+        found = known.piece(effect, values)
+        assert isinstance(found, OfSome)
+        every = np.stack([found.made(i, expected.shape[1]) for i in range(len(values))])
+        np.testing.assert_allclose(every, expected, rtol=1e-12, atol=1e-12)
+        asked += 1
+    assert asked > 3
 
 
 def test_a_plain_fit_of_a_ball_bar_makes_no_candidates(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -134,9 +134,11 @@ class Linearised:
     def _by_effect(self) -> dict[str, tuple[dict[tuple[float, ...], int], Floats]]:
         """White columns of each effect of which all are kept, and at which values each are."""
         pieces: dict[int, list[Floats]] = {}
-        for j, piece in self._kept or ():
-            if isinstance(piece, np.ndarray | OfSome):
-                pieces.setdefault(j, []).append(_own(piece))
+        # some pieces of an effect may be what its measurement has, and others not
+        others = {j for j, x in self._kept or () if not isinstance(x, np.ndarray | OfSome)}
+        for j, x in self._kept or ():
+            if isinstance(x, np.ndarray | OfSome) and j not in others:
+                pieces.setdefault(j, []).append(_own(x))
         places = {j: {tuple(v.values()): i for i, v in enumerate(self.values[j])} for j in pieces}
         return {
             self.model.effects[j].id: (places[j], x[0] if len(x) == 1 else np.concatenate(x))
