@@ -1,14 +1,74 @@
-"""What the times of a measurement lack where changes with time are looked for."""
+"""Times of a measurement: from where they count, and what they lack where changes are sought."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from datetime import timedelta
+from itertools import combinations
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from trunnion.base.errors import InputError
+from trunnion.base.units import Floats
 from trunnion.files.table import Table
 
 MIN_TIMES = 3
+SHOWN = "%Y-%m-%d %H:%M:%S"
+
+
+def elapsed_s(time_s: ArrayLike) -> Floats:
+    """Time of each reading since the first, (n,): the clock of a measurement begins anywhere.
+
+    What changes with time is counted from there in every kind of data; the moment of a jump is
+    stated by the clock itself. The core does the same for touches.
+    """
+    time = np.asarray(time_s, dtype=np.float64)
+    return time - np.min(time) if len(time) else time
+
+
+def begin_and_span_s(data: Table) -> tuple[float, float]:
+    """When the first reading was made by the clock of the data, and how long all of them took, s.
+
+    0 and 0 without times.
+    """
+    time = data.columns.get("time_s")
+    if time is None or not len(time):
+        return 0.0, 0.0
+    return float(np.min(time)), float(np.ptp(time))
+
+
+def check_order(measured: Sequence[Any], numbers: Sequence[int] | None = None) -> None:
+    """Refuse measurements whose dates are known and say another order than they are given in.
+
+    What happened before one of them is in all that follow. Times that overlap are in any order.
+
+    numbers: Theirs in the list that was given, from 0.
+
+    Raises InputError: one that ended before one given before it began.
+    """
+    spans = []
+    for number, one in zip(numbers or range(len(measured)), measured, strict=True):
+        began = one.began if isinstance(one, Table) else None
+        if began is not None and len(one):
+            begin_s, span_s = begin_and_span_s(one)
+            first = began + timedelta(seconds=begin_s)
+            spans.append((first, first + timedelta(seconds=span_s), _called(one, number)))
+    for (first, _, earlier), (_, last, later) in combinations(spans, 2):
+        if (first.tzinfo is None) == (last.tzinfo is None) and last < first:
+            order = [name for _, _, name in sorted(spans, key=lambda span: span[0].timestamp())]
+            raise InputError(
+                f"measurements: got {later}, which ended {last:{SHOWN}}, after {earlier}, which "
+                f"began {first:{SHOWN}}, expected them in the order of time: what changed "
+                f"before one is changed in all that follow it. By their dates: {', '.join(order)}"
+            )
+
+
+def _called(one: Table, number: int) -> str:
+    """Name a measurement by its file, else by its number, from 1."""
+    files = () if one.origin is None else one.origin.names
+    return files[0] if len(files) == 1 else f"measurement {number + 1}"
 
 
 def time_notes(data: Any) -> tuple[str, ...]:

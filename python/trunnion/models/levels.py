@@ -19,6 +19,7 @@ from trunnion.base.smooth import Modes
 from trunnion.base.units import Flags, Floats
 from trunnion.data.levels import COMPONENTS, Levels
 from trunnion.data.slopes import SAME_STEP
+from trunnion.data.times import elapsed_s
 from trunnion.diagnosis.effect import Effect, EffectLike, EffectValues, Parameter, gridded, linear
 from trunnion.diagnosis.in_turn import ReadInTurn
 from trunnion.diagnosis.model import FINEST_NOISE, Covariate, Model, Nuisance, Readings, Uncertainty
@@ -252,7 +253,7 @@ def _elapsed(data: Levels) -> tuple[str, Floats] | None:
     """
     unit, time = "um_m", np.linspace(0.0, 1.0, len(data))
     if data.time_s is not None:
-        unit, time = "um_m_h", (data.time_s - data.time_s.min()) / 3600.0
+        unit, time = "um_m_h", elapsed_s(data.time_s) / 3600.0
     s = data.sense[:, None]
     shape = np.hstack([np.ones_like(s), s, s * data.places_mm])
     off = time - shape @ np.linalg.lstsq(shape, time, rcond=None)[0]
@@ -262,7 +263,7 @@ def _elapsed(data: Levels) -> tuple[str, Floats] | None:
 def _hours(data: Levels) -> Floats:
     """Time of each row since the first, h; about, where none was recorded."""
     seconds = SECONDS * np.arange(len(data)) if data.time_s is None else data.time_s
-    return np.asarray((seconds - np.min(seconds)) / 3600.0, dtype=np.float64)
+    return elapsed_s(seconds) / 3600.0
 
 
 def _covariates(rows: _Rows) -> tuple[Covariate, ...]:

@@ -17,6 +17,7 @@ import numpy as np
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.units import Floats, Integers
 from trunnion.data.positioning import Positioning
+from trunnion.data.times import elapsed_s
 from trunnion.diagnosis.effect import (
     Effect,
     EffectLike,
@@ -414,7 +415,7 @@ def _seconds(data: Positioning) -> Floats | None:
     """Time since the first stop; None: the stops have no times of their own."""
     if data.time_s is None or np.ptp(data.time_s) <= 0:
         return None
-    return np.asarray(data.time_s) - float(np.min(data.time_s))
+    return elapsed_s(data.time_s)
 
 
 def _of_time(data: Positioning, unit: str) -> list[Effect]:

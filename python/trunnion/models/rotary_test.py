@@ -21,6 +21,7 @@ from trunnion.base.rows import equal_rows, repeats
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import ARCSEC, Floats, Integers
 from trunnion.data.rotary_test import RotaryTest
+from trunnion.data.times import elapsed_s
 from trunnion.diagnosis.effect import (
     Effect,
     EffectLike,
@@ -255,7 +256,7 @@ class _Catalogue:
         for number, letter in enumerate((*AXES, *chain.letters)):
             made += self._of_axis(number, letter)
         if data.time_s is not None and np.ptp(data.time_s) > 0:
-            made += self._of_time(data.time_s - np.min(data.time_s))
+            made += self._of_time(elapsed_s(data.time_s))
         if self._bar is not None and self._known.bar_is_known:
             made.append(ballbar_length(len(data)))
         if self._known.tool_is_known:

@@ -12,6 +12,7 @@ from trunnion.base.checks import choose, entry, numbers, positive
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats
 from trunnion.data.rotary_test import RotaryTest
+from trunnion.data.times import elapsed_s
 from trunnion.machine.chain import Chain
 from trunnion.machine.effects import senses
 from trunnion.probing.rotary_readings import OFFSETS, TOOL, commanded, machine_effects
@@ -113,7 +114,7 @@ def _with_time(name: str, values: list[float], plan: RotaryTest) -> Floats:
     """Displacement of a drift or a warm-up at each reading, µm, (n,)."""
     if plan.time_s is None:
         raise InputError(f"time_s: got no such column in the plan, expected it for {name}")
-    seconds = np.asarray(plan.time_s) - np.min(plan.time_s)
+    seconds = elapsed_s(plan.time_s)
     if name.startswith("drift"):
         return np.asarray(values[0] * seconds / 3600.0)
     tau_min = positive(f"{name}.tau_min", values[1])

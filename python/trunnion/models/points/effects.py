@@ -17,6 +17,7 @@ import numpy as np
 from trunnion.base.smooth import Modes
 from trunnion.base.units import ARCSEC, Floats
 from trunnion.data.points import Points
+from trunnion.data.times import elapsed_s
 from trunnion.diagnosis.effect import (
     ALL_AXES,
     Effect,
@@ -367,7 +368,7 @@ def _elapsed(p: Points) -> Floats:
     for g in range(int(group.max()) + 1):
         mine = group == g
         if p.time_s is not None:
-            out[mine] = (p.time_s[mine] - p.time_s[mine].min()) / 3600.0
+            out[mine] = elapsed_s(p.time_s[mine]) / 3600.0
         else:
             out[mine] = np.linspace(0.0, 1.0, int(mine.sum()))
     return out

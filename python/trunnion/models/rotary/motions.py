@@ -13,6 +13,7 @@ from trunnion.base.rotation import cosine_sine
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import ARCSEC, Floats
 from trunnion.data.sweep import Sweep
+from trunnion.data.times import elapsed_s
 from trunnion.diagnosis.effect import Parameter, wave
 from trunnion.machine.effects import Owner, senses
 
@@ -54,7 +55,7 @@ class Conditions:
         """Return those of a sweep; ``frame``: that of the axis, (3, 3)."""
         angle = np.asarray(data.angle_deg)
         if data.time_s is not None:
-            elapsed = (np.asarray(data.time_s) - np.min(data.time_s)) / 3600.0
+            elapsed = elapsed_s(data.time_s) / 3600.0
         else:
             elapsed = np.linspace(0.0, 1.0, len(angle))
         return cls(angle, elapsed, senses(angle), frame.T, data.time_s is not None)
