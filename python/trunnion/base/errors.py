@@ -87,6 +87,9 @@ class DataError(TrunnionError):
     touches.csv: got 5 touches and 0 priors for 14 parameters; e
     """
 
+    cause_known = False
+    """Whether its message names the likely cause, and no other is sought."""
+
 
 class TooFewReadingsError(DataError):
     """Fewer readings than unknowns.

@@ -44,7 +44,9 @@ class Ballbar(Table):
     q4_deg = OptionalNumber("commanded angle of wrist joint 4", commanded=True)
     q5_deg = OptionalNumber("commanded angle of wrist joint 5", commanded=True)
     length_mm = Number("measured distance of the two balls", positive=True, observed=True)
-    sense = OptionalInteger("direction of travel, +1 counter-clockwise", among=(-1, 1))
+    sense = OptionalInteger(
+        "direction of travel, in which the rows stand, +1 counter-clockwise", among=(-1, 1)
+    )
     feed_mm_min = OptionalNumber("feed", positive=True)
     time_s = OptionalTime("time since the start")
 

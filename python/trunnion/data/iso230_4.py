@@ -33,10 +33,8 @@ from trunnion.base.repeats import shared_variance
 from trunnion.base.report import Cell, Result, Table, measured
 from trunnion.base.units import Floats, Integers
 from trunnion.data.ballbar import Ballbar
+from trunnion.data.circles import MIN_POINTS, ROUND_MM, Circle, check_sense
 
-ROUND_MM = 0.01
-"""Commanded points may lie so far off their circle, mm: what three decimals of a chord leave."""
-MIN_POINTS = 8
 NEAR_STEPS = 3.0
 SAME_ANGLE_DECIMALS = 4
 DRAWS, SEED = 200, 1
@@ -153,7 +151,8 @@ def iso230_4(data: Ballbar) -> tuple[Iso2304, ...]:
     Raises
     ------
     DataError
-        No set-up is such a circle; joints are commanded.
+        No set-up is such a circle; joints are commanded; the rows of both paths go round it the
+        other way than `sense` says.
 
     Examples
     --------
@@ -171,9 +170,9 @@ def iso230_4(data: Ballbar) -> tuple[Iso2304, ...]:
     found = []
     for label in dict.fromkeys(labels.tolist()):
         rows = np.flatnonzero(labels == label)
-        circle = _circle(full[rows])
+        circle = Circle.through(full[rows])
         if circle is not None:
-            found.append(_evaluated(data, rows, label, *circle))
+            found.append(_evaluated(data, rows, label, circle))
     if not found:
         raise DataError(
             "circular test: got no set-up whose commanded points lie on a circle in the XY, YZ or "
@@ -182,28 +181,14 @@ def iso230_4(data: Ballbar) -> tuple[Iso2304, ...]:
     return tuple(found)
 
 
-def _circle(points: Floats) -> tuple[str, float, Floats] | None:
-    """Plane, radius and angles (rad) of points on a circle in a plane of the axes; else None."""
-    flat = np.flatnonzero(np.ptp(points, axis=0) < ROUND_MM)
-    if len(points) < MIN_POINTS or len(flat) != 1:
-        return None
-    normal = int(flat[0])
-    u, v = points[:, (normal + 1) % 3], points[:, (normal + 2) % 3]
-    design = np.column_stack([2 * u, 2 * v, np.ones(len(u))])
-    a, b, c = np.linalg.lstsq(design, u**2 + v**2, rcond=None)[0]
-    radius = float(np.sqrt(c + a * a + b * b))
-    if np.abs(np.hypot(u - a, v - b) - radius).max() > ROUND_MM:
-        return None
-    return ("YZ", "ZX", "XY")[normal], radius, np.arctan2(v - b, u - a)
-
-
-def _evaluated(
-    data: Ballbar, rows: Integers, label: str, plane: str, radius: float, angle: Floats
-) -> Iso2304:
+def _evaluated(data: Ballbar, rows: Integers, label: str, circle: Circle) -> Iso2304:
     lengths = np.asarray(data.length_mm)[rows]
+    plane, radius, angle = circle.plane, circle.radius_mm, circle.angle
     sense = np.zeros(len(rows), dtype=np.intp)
     if data.sense is not None:
         sense = np.asarray(data.sense)[rows].astype(np.intp)
+        both = [np.flatnonzero(sense == k) for k in (1, -1)]
+        check_sense(data, plane, [(rows[at], angle[at]) for at in both], any_order=True)
     raw = 1e3 * (lengths - radius)
     path = _Paths(angle, {k: np.flatnonzero(sense == k) for k in (1, -1)})
     deviation = path.centred(raw)

@@ -60,13 +60,24 @@ class Guess(NamedTuple):
     factor: float = 1.0
 
 
+def out_of_order(text: str) -> DataError:
+    """Return the error of rows in another order than the readings were taken.
+
+    It names its cause itself: an axis that counts the other way changes the order, too.
+    """
+    error = DataError(text)
+    error.cause_known = True
+    return error
+
+
 @contextmanager
 def meant_named(data: Any, setup: Any, scatter: Scatter) -> Iterator[None]:
     """Add the likely cause to an error about data that cannot belong to their model."""
     try:
         yield
     except (DataError, KinematicsError) as error:
-        if cause := likely_meant(data, setup, scatter, _fits):
+        known = isinstance(error, DataError) and error.cause_known
+        if not known and (cause := likely_meant(data, setup, scatter, _fits)):
             text = str(error)
             error.args = (f"{text}{'' if text.endswith('?') else '.'} Likely cause: {cause}",)
         raise

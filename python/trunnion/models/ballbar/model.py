@@ -75,7 +75,8 @@ class BallbarModel(Model):
     ------
     DataError
         Lengths more than 5 mm from the modelled ones, fewer than three readings in a set-up, or a
-        run whose readings are not in the order of time.
+        run whose readings are not in the order of time, or a circle round which they go the other
+        way than their `sense` says.
     KinematicsError
         Joints or points that the hybrid machine cannot take.
 

@@ -6,9 +6,11 @@ from functools import cached_property
 
 import numpy as np
 
-from trunnion.base.errors import DataError
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.data.ballbar import Ballbar
+from trunnion.data.circles import check_sense, paths_round
+from trunnion.data.meant import out_of_order
+from trunnion.data.times import elapsed_s
 from trunnion.hybrid.readings import setup_index
 from trunnion.machine.linear_axes import Travel
 
@@ -42,6 +44,7 @@ class Path:
             change |= _turns_back(tips)
         self.runs: Integers = np.concatenate([[0], np.cumsum(change)]).astype(np.intp)
         self._check_time(data)
+        self._check_sense(data, tips, index)
         self.along = np.zeros(len(tips))
         for rows in self.each():
             gone = np.linalg.norm(np.diff(tips[rows], axis=0), axis=1)
@@ -60,11 +63,22 @@ class Path:
         back = np.flatnonzero((np.diff(data.time_s) < 0) & (np.diff(self.runs) == 0))
         if len(back):
             row = int(back[0]) + 1
-            raise DataError(
+            raise out_of_order(
                 f"time_s ({data.place(row)}): got {data.time_s[row]:g} after "
                 f"{data.time_s[row - 1]:g}, "
                 "expected the readings in the order in which they were taken"
             )
+
+    def _check_sense(self, data: Ballbar, tips: Floats, index: Integers) -> None:
+        """Refuse circles whose rows go the other way than they say: travel is that of the rows."""
+        if data.sense is None:
+            return
+        runs = self.each()
+        setup_of = [index[rows[0]] for rows in runs]
+        for setup in dict.fromkeys(setup_of):
+            mine = [rows for rows, of in zip(runs, setup_of, strict=True) if of == setup]
+            for plane, paths in paths_round(tips, mine).items():
+                check_sense(data, plane, paths)
 
     @property
     def moving(self) -> list[int]:
@@ -75,7 +89,7 @@ class Path:
     def hours(self) -> Floats | None:
         """Time since the first reading, h."""
         time = self._time_s
-        return None if time is None else (time - float(np.min(time))) / 3600.0
+        return None if time is None else elapsed_s(time) / 3600.0
 
     @cached_property
     def speed_mm_s(self) -> Floats | None:
