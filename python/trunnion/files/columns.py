@@ -8,7 +8,7 @@ import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from datetime import datetime
-from typing import Any, ClassVar, Generic, Never, Protocol, Self, TypeVar, overload
+from typing import Any, ClassVar, Generic, Never, Protocol, Self, TypeGuard, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -264,9 +264,15 @@ class OptionalLabel(_Name[Labels | None]):
     required = False
 
 
-def is_time_stamp(value: object) -> bool:
+def is_time_stamp(value: object) -> TypeGuard[str]:
     """Whether a value is written as a date with a time (ISO 8601)."""
     return isinstance(value, str) and _STAMP.fullmatch(value.strip()) is not None
+
+
+def first_stamp(values: Sequence[object]) -> datetime | None:
+    """Return the first value as a date with a time; None if it is none."""
+    first = values[0] if values else None
+    return datetime.fromisoformat(first.strip()) if is_time_stamp(first) else None
 
 
 def is_numeric(column: Column[Any] | None) -> bool:

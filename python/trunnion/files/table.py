@@ -16,6 +16,7 @@ import html
 import io
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from datetime import datetime
 from os import PathLike
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TextIO, TypeAlias, overload
@@ -29,8 +30,8 @@ from trunnion.base.input import path_of
 from trunnion.base.output import whole_file, write_text
 from trunnion.base.saved import Columns, Gridded, Saved, dataframe
 from trunnion.base.stored import fitting, plain, read_json
-from trunnion.files.columns import Column, ColumnError, has_break, natural, raw_array
-from trunnion.files.csv_file import write_columns
+from trunnion.files.columns import Column, ColumnError, first_stamp, has_break, natural, raw_array
+from trunnion.files.csv_file import TIME, write_columns
 from trunnion.files.origin import FROM_0, Origin, places
 from trunnion.files.recognised import Recognised
 
@@ -90,10 +91,11 @@ class Table(Saved):
     slight_moves: ClassVar[bool] = False  # positions may differ by fractions of a millimetre
     smallest_mm: ClassVar[float] = 1.0  # largest position, below which it is in another unit
     clock: ClassVar[str] = ""  # column of what each has its own time from zero
-    __slots__ = ("_columns", "_origin")
+    __slots__ = ("_began", "_columns", "_origin")
 
     _columns: Mapping[str, NDArray[Any]]
     _origin: Origin | None
+    _began: datetime | None
 
     def __init_subclass__(cls) -> None:
         own = (value for value in vars(cls).values() if isinstance(value, Column))
@@ -146,6 +148,8 @@ class Table(Saved):
             values.flags.writeable = False
         object.__setattr__(self, "_columns", MappingProxyType(made))
         object.__setattr__(self, "_origin", None)
+        stamps = raw_array(given[TIME], TIME)[:1].tolist() if TIME in made else []
+        object.__setattr__(self, "_began", first_stamp(stamps))
         self._check()
 
     def _column(self, name: str, values: ArrayLike) -> NDArray[Any]:
@@ -172,13 +176,19 @@ class Table(Saved):
         """Check what concerns several columns, or raise `ColumnError`; for a kind to define."""
 
     @classmethod
-    def _of(cls, columns: Mapping[str, NDArray[Any]], origin: Origin | None = None) -> Self:
+    def _of(
+        cls,
+        columns: Mapping[str, NDArray[Any]],
+        origin: Origin | None = None,
+        began: datetime | None = None,
+    ) -> Self:
         """Make a table of columns that were checked before, as they are."""
         table = cls.__new__(cls)
         for values in columns.values():
             values.flags.writeable = False
         object.__setattr__(table, "_columns", MappingProxyType(dict(columns)))
         object.__setattr__(table, "_origin", origin)
+        object.__setattr__(table, "_began", began)
         return table
 
     def all_or_none(self, *names: str) -> None:
@@ -207,7 +217,7 @@ class Table(Saved):
         raise AttributeError(f"{type(self).__name__} is frozen: make another one")
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _restored, (type(self), dict(self._columns), self._origin)
+        return _restored, (type(self), dict(self._columns), self._origin, self._began)
 
     def __eq__(self, other: object) -> bool:
         if type(other) is not type(self):
@@ -250,7 +260,12 @@ class Table(Saved):
             raise InputError(f"lines: got {line.size}, expected one a row, {len(self)}")
         touch = None if touches is None else np.asarray(touches, dtype=np.intp)
         origin = Origin((file,), np.zeros(len(line), dtype=np.intp), line, (recognised,), touch)
-        return self._of(self._columns, origin)
+        return self._of(self._columns, origin, self._began)
+
+    @property
+    def began(self) -> datetime | None:
+        """Date and time at 0 of `time_s`; None where times were no dates."""
+        return self._began
 
     def place(self, row: int) -> str:
         """Return where people find a row: "line 59 of touches.csv"; else "row 57" (from 0)."""
@@ -310,7 +325,8 @@ class Table(Saved):
             if index.dtype.kind != "b" and np.any((index < -len(self)) | (index >= len(self))):
                 raise IndexError(f"rows: got {rows!r}, expected numbers below {len(self)}")
         origin = None if self._origin is None else self._origin[index]
-        return self._of({name: values[index] for name, values in self._columns.items()}, origin)
+        chosen = {name: values[index] for name, values in self._columns.items()}
+        return self._of(chosen, origin, self._began)
 
     def _named(self, name: str) -> NDArray[Any]:
         if name not in self._columns:
@@ -333,7 +349,8 @@ class Table(Saved):
         kept = {name: values for name, values in self._columns.items() if name not in columns}
         order = {name: kept.get(name, columns.get(name)) for name in (*self._columns, *columns)}
         made = type(self)({name: values for name, values in order.items() if values is not None})
-        return self._of(made._columns, self._origin) if len(made) == len(self) else made
+        began = made._began if TIME in columns else self._began
+        return self._of(made._columns, self._origin, began) if len(made) == len(self) else made
 
     @classmethod
     def concatenate(cls, tables: Iterable[Self]) -> Self:
@@ -469,10 +486,13 @@ class Table(Saved):
 
 
 def _restored(
-    kind: type[Table], columns: Mapping[str, NDArray[Any]], origin: Origin | None = None
+    kind: type[Table],
+    columns: Mapping[str, NDArray[Any]],
+    origin: Origin | None = None,
+    began: datetime | None = None,
 ) -> Table:
     """Unpickle a table."""
-    return kind._of(columns, origin)
+    return kind._of(columns, origin, began)
 
 
 def _html_field(value: Any) -> str:

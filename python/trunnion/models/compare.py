@@ -139,7 +139,7 @@ def compare(
     kinds = {s.kind: None for s in sources}
     if len(kinds) > 1:
         raise InputError(f"compare: got {' and '.join(kinds)}, expected measurements of one kind")
-    days = days_of(dates, len(sources))
+    days = days_of(dates, [s.diagnosis and s.diagnosis.data for s in sources])
     diagnosed = [s.diagnosis for s in sources if s.diagnosis is not None]
     notes = list(of_one_machine([s.made for s in sources]))
     shown = names_of(names, dates, len(sources))

@@ -9,10 +9,16 @@ from itertools import pairwise
 from typing import Any
 
 from trunnion.base.errors import InputError
+from trunnion.data.times import check_order
 
 
-def days_of(dates: Sequence[Any] | None, count: int) -> tuple[float, ...]:
-    """Days from the first measurement; without dates their numbers."""
+def days_of(dates: Sequence[Any] | None, measured: Sequence[Any]) -> tuple[float, ...]:
+    """Days from the first measurement; without dates their numbers.
+
+    measured: Their data, whose own dates have to be in order, too; None where there are none.
+    """
+    check_order(measured)
+    count = len(measured)
     if dates is None:
         return tuple(map(float, range(count)))
     if len(dates) != count:

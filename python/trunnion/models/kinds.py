@@ -24,7 +24,7 @@ from trunnion.data.frame import (
     frame_notes,
     taken_as_said,
 )
-from trunnion.data.times import time_notes
+from trunnion.data.times import check_order, time_notes
 from trunnion.data.touches import Touches
 from trunnion.diagnosis.effect import EffectLike
 from trunnion.diagnosis.engine import diagnose as diagnose_model
@@ -426,6 +426,7 @@ def _measured(
     check_list(data, _no_data)
     data = list(map(as_table, data))
     refuse_other_frames(data)
+    check_order(data, numbers)
     for effect in effects:
         if not isinstance(effect, str) and not any(acting_in([effect], one) for one in data):
             got = ", ".join(dict.fromkeys(type(one).__name__ for one in data))
