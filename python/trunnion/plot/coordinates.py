@@ -10,6 +10,7 @@ the direction, and readings with either sign fall on one curve.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -18,10 +19,11 @@ import numpy as np
 from scipy.linalg import solveh_banded
 from scipy.ndimage import median_filter
 
-from trunnion.base.units import Flags, Floats, Integers
+from trunnion.base.units import Flags, Floats, Integers, unit_of
 from trunnion.diagnosis.model import Covariate, Model
 from trunnion.diagnosis.ways import directions
 
+ORDER, LAST = re.compile(r"[ab](\d+)_"), re.compile(r"_(\d+)$")
 ALONG = "deviation along "
 TURNED = "actual less commanded"
 ENOUGH = 0.95
@@ -37,13 +39,44 @@ MAX_READINGS = 4000
 """For the search; the curve uses all."""
 MAX_HARMONIC = 12
 EXACT = 1e-3
-DENSE = 241
+DENSE, MAX_DENSE = 241, 4801
+PER_WAVE = 24  # points of a curve
 GAP, GAP_SHARE = 12.0, 0.03  # of the usual step, of the range: where a curve is broken
 QUIET = 20  # windows of the running median, of all values
 AS_PARAMETER = 12.0
 """What it costs a reader that an amount is given as one of a parameter."""
 MIN_WEIGHT = 0.25
 """Of the largest: readings that feel less say too little of the amount."""
+
+
+@dataclass(frozen=True)
+class Wave:
+    """The wave that a cause is, by its parameters.
+
+    order: Of the harmonic of a turn, 0 where it is none.
+    length, unit: Of a wave with a pitch, 0 where it has none; that of its pitch.
+    """
+
+    order: int = 0
+    length: float = 0.0
+    unit: str = ""
+
+    @classmethod
+    def of(cls, id_: str, parameters: Mapping[str, float]) -> Wave:
+        """Return that of a cause: `a3_um` is of the third harmonic, so is `radial_3`."""
+        found = [ORDER.match(name) for name in parameters]
+        orders = {int(match[1]) for match in found if match}
+        if not orders and (match := LAST.search(id_)):
+            orders = {int(match[1])}
+        pitch = [(n, p) for n, p in parameters.items() if n.startswith(("pitch_", "period_"))]
+        name, length = pitch[0] if pitch else ("", 0.0)
+        return cls(orders.pop() if len(orders) == 1 else 0, length, unit_of(name) if name else "")
+
+    def laws(self, v: Covariate) -> list[_Harmonic]:
+        """Return what the wave is over a quantity, nothing where that is not what it depends on."""
+        if self.length > 0 and v.unit == self.unit:
+            return [_Harmonic(self.length, 1)]
+        return [_Harmonic(v.period, self.order)] if self.order and v.period else []
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,15 +132,22 @@ class Coordinate:
         size = np.abs(self.weight.enters)
         return np.asarray(size >= MIN_WEIGHT * size.max(initial=0.0)) & (size > 0)
 
-    def curve(self, columns: Floats, rows: Flags) -> list[tuple[str, Floats, Floats]]:
-        """Curves through columns (n, k) of changes: class, x (m,) and amounts (m, k)."""
+    def curve(
+        self, columns: Floats, rows: Flags, wave: Wave | None = None
+    ) -> list[tuple[str, Floats, Floats]]:
+        """Curves through columns (n, k) of changes: class, x (m,) and amounts (m, k).
+
+        wave: That the cause is, where it is one: at few places others go through the same amounts.
+        """
         split = np.zeros(len(columns), dtype=np.intp) if self.split is None else self.split
         out = []
         for index, name in enumerate(self.names or ("",)):
             mine = rows & (split == index) & self.clear()
             if mine.any():
                 place = self.positions[mine]
-                dense, amounts = _curve(place, self.weight.enters[mine], columns[mine], self.x)
+                dense, amounts = _curve(
+                    place, self.weight.enters[mine], columns[mine], self.x, wave
+                )
                 out.append((name, dense, amounts))
         return out
 
@@ -289,10 +329,13 @@ def _fitted(x: Floats, w: Floats, c: Floats, v: Covariate, nodes: int) -> tuple[
     return a * g[left] + b * g[left + 1], nodes
 
 
-def _curve(x: Floats, w: Floats, columns: Floats, v: Covariate) -> tuple[Floats, Floats]:
+def _curve(
+    x: Floats, w: Floats, columns: Floats, v: Covariate, wave: Wave | None
+) -> tuple[Floats, Floats]:
     """Return amounts (m, k) at places (m,): dense where they follow a known law, else where read.
 
-    A quantity with a period takes one harmonic, any other a parabola, where that is exact.
+    A quantity with a period takes one harmonic, any other a parabola, where that is exact; that of
+    the cause first.
     """
     levels, index = np.unique(x, return_inverse=True)
     under = np.bincount(index, w * w)
@@ -303,12 +346,17 @@ def _curve(x: Floats, w: Floats, columns: Floats, v: Covariate) -> tuple[Floats,
     if v.classes or v.words or len(levels) < 3:
         return levels, amounts
     turn = v.period
-    dense = np.linspace(levels[0], levels[-1] if turn is None else levels[0] + turn, DENSE)
-    for basis in _laws(turn, len(levels)):
+    end = levels[-1] if turn is None else levels[0] + turn
+    dense = np.linspace(levels[0], end, DENSE)
+    laws: list[Callable[[Floats], Floats]] = [] if wave is None else [*wave.laws(v)]
+    for basis in laws + _laws(turn, len(levels)):
         at = basis(levels)
         values, *_ = np.linalg.lstsq(at, amounts, rcond=1e-10)
         size = np.abs(amounts).max(initial=0.0)
         if np.abs(at @ values - amounts).max(initial=0.0) <= EXACT * size + 1e-12:
+            if isinstance(basis, _Harmonic):
+                count = PER_WAVE * basis.order * (end - levels[0]) / basis.turn
+                dense = np.linspace(levels[0], end, int(np.clip(count, DENSE, MAX_DENSE)))
             return dense, basis(dense) @ values
     amounts = _quiet(amounts, index, w, columns[:, 0])
     if len(levels) > DENSE:

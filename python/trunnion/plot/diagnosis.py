@@ -27,6 +27,7 @@ from trunnion.diagnosis.result import Diagnosis
 from trunnion.machine.estimate import Estimate
 from trunnion.plot.coordinates import (
     Coordinate,
+    Wave,
     Weight,
     coordinate_of,
     positions,
@@ -151,6 +152,11 @@ class Explained:
         units = [unit_of(name) for name in self.cause.parameters]
         return "time_s" in needs or any(u in ("min", "s", "h") or u.endswith("/h") for u in units)
 
+    def curves(self, where: Coordinate) -> list[tuple[str, Floats, Floats]]:
+        """Curves of the fitted change and of its spread over what it depends on, by class."""
+        wave = Wave.of(self.cause.id, self.cause.parameters)
+        return where.curve(np.column_stack([self.change, self.spread]), self.rows, wave)
+
     @cached_property
     def spread(self) -> Floats:
         """Columns (n, k) of the fitted change by one standard uncertainty in each direction."""
@@ -187,7 +193,7 @@ def cause_picture(d: Diagnosis, id_: str) -> Picture:
     amount = np.divide(
         reading, where.weight.enters, out=np.zeros_like(reading), where=where.weight.enters != 0
     )
-    curves = where.curve(np.column_stack([of.change, of.spread]), of.rows)
+    curves = of.curves(where)
     series: list[Series] = []
     largest = float(np.abs(amount[drawn]).max(initial=0.0))
     for i, (name, x, fitted) in enumerate(curves):

@@ -46,7 +46,7 @@ def _turned(found: Found, c: Cause) -> list[Item]:
     where = of.coordinate
     if where is None or TURNED not in where.weight.name or where.x.unit != "deg":
         return []
-    (_, x, fitted), *more = where.curve(np.column_stack([of.change, of.spread]), of.rows)
+    (_, x, fitted), *more = of.curves(where)
     if more or len(x) < 3:
         return []
     size = float(np.abs(fitted).max())
