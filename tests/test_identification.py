@@ -317,7 +317,9 @@ def test_a_users_own_effect_takes_the_same_way_as_the_catalogue() -> None:
         parameters = ("rate_um_h",)
 
         def change(self, data: tn.Touches, values: dict[str, float]) -> np.ndarray:
-            return -np.asarray(data.time_s) / 3600 * values["rate_um_h"] * data.dir_z
+            seconds = np.asarray(data.time_s, dtype=float)
+            hours: np.ndarray = (seconds - seconds.min()) / 3600
+            return -hours * values["rate_um_h"] * data.dir_z
 
     data = tn.simulate(
         tn.plan(CROSS), CROSS, effects={"drift_z": {"rate_um_h": 6.0}}, noise_um=0.3, seed=2

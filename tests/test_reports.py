@@ -384,7 +384,7 @@ def test_the_band_is_the_uncertainty_of_the_curve() -> None:
     d = tn.diagnose(simulated({"drift_z": {"rate_um_h": 60.0}}), cross()[1])
     band = next(s for s in cause_picture(d, "drift_z").series if s.form is Form.BAND)
     assert band.high is not None
-    hours = (band.x[-1] - 0) / 3600
+    hours = (band.x[-1] - band.x[0]) / 3600
     half = (band.high[-1] - band.y[-1]) / 2
     assert half == pytest.approx(2 * d.causes[0].std_errors["rate_um_h"] * hours, rel=1e-6)
 

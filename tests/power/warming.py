@@ -87,7 +87,8 @@ def run(shape: str, size: float, plan: str, seed: int) -> Run:
     """Hide a curve, touch and diagnose; and the same touches without it."""
     rng = np.random.default_rng([seed, *shape.encode(), *plan.encode(), int(size)])
     made, setup, _, read = ground(plan)
-    share = np.asarray(made.conditions.time_s / made.conditions.time_s[-1])
+    gone = made.conditions.time_s - made.conditions.time_s[0]
+    share = np.asarray(gone / gone[-1])
     curve = SHAPES[shape](rng, share)
     curve *= rng.choice([-1.0, 1.0]) * size * NOISE_UM / np.abs(curve).max()
     axis = int(rng.choice(3, p=(0.25, 0.25, 0.5)))

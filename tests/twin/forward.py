@@ -259,14 +259,14 @@ def recorded_to_actual(k: Conditions, effects: Effects) -> tuple[Floats, Floats]
     lam[0, 2] = +_get(effects, "squareness_xz")[0] * RAD_PER_ARCSEC
     lam[1, 2] = -_get(effects, "squareness_yz")[0] * RAD_PER_ARCSEC
     sign = np.where(np.abs(k.direction) < NO_SIGN_BELOW, 0.0, np.sign(k.direction))
-    hours = k.time_s / 3600.0
+    hours = (k.time_s - k.time_s.min()) / 3600.0
     delta = np.zeros((len(k), 3), kind)
     for i, letter in enumerate("xyz"):
         delta[:, i] -= _get(effects, f"backlash_{letter}")[0] / 2 * sign[:, i]
         delta[:, i] += _get(effects, f"drift_{letter}")[0] * hours
     if "warmup_z" in effects:
         amplitude, tau_min = _get(effects, "warmup_z")
-        delta[:, 2] += amplitude * -np.expm1(-k.time_s / 60.0 / tau_min)
+        delta[:, 2] += amplitude * -np.expm1(-60.0 * hours / tau_min)
     return lam, delta * MM_PER_UM
 
 

@@ -60,7 +60,7 @@ class Touches(Table):
     cycle = OptionalLabel("which cycle of the plan the touch belongs to")
     point = OptionalInteger("label of the touched point, 1 to 20 in the paper's plan")
     feed_mm_min = OptionalNumber("feed of the approach", positive=True)
-    time_s = OptionalTime("time since the start of the measurement")
+    time_s = OptionalTime("time of the touch; its clock may begin anywhere")
     a_dir = OptionalInteger("sense of A's last turn before the touch, 0 = none", among=(-1, 0, 1))
     b_dir = OptionalInteger("sense of B's last turn before the touch, 0 = none", among=(-1, 0, 1))
     c_dir = OptionalInteger("sense of C's last turn before the touch, 0 = none", among=(-1, 0, 1))

@@ -20,6 +20,7 @@ from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.rows import repeats
 from trunnion.base.units import Floats, Integers
+from trunnion.data.times import elapsed_s
 from trunnion.data.touches import Touches
 from trunnion.diagnosis.effect import ALL_AXES, Effect, EffectLike, EffectValues, Parameter, Values
 from trunnion.diagnosis.jumps import moments_tried
@@ -362,8 +363,8 @@ class TouchDiagnosisModel(Model):
 
     @property
     def _minutes(self) -> Floats:
-        """Time of each touch, min."""
-        return np.asarray(self.data.time_s) / 60.0
+        """Time of each touch since the first, min."""
+        return elapsed_s(np.asarray(self.data.time_s)) / 60.0
 
     def _parameter(self, name: str, unit: str, kind: str) -> Parameter:
         unit = UNITS.get(unit, unit)

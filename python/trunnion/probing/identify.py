@@ -19,7 +19,7 @@ from trunnion.base.rows import equal_rows
 from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats, unit_of
 from trunnion.data.distinct import distinct_rows
-from trunnion.data.times import time_notes
+from trunnion.data.times import begin_and_span_s, time_notes
 from trunnion.data.touches import Touches
 from trunnion.machine.budget import Source, of_readings
 from trunnion.machine.effects import PLACEMENT, Effect, Moving, UserEffect, split_effects
@@ -469,7 +469,7 @@ def _at_end_of_search(model: TouchModel, data: Touches, values: Floats) -> tuple
     """Durations that run beyond what the measurement's length can tell."""
     if data.time_s is None:
         return ()
-    span_s = float(data.time_s.max(initial=0.0))
+    span_s = begin_and_span_s(data)[1]
     found = []
     for name, kind, unit, value in zip(model.names, model.kinds, model.units, values, strict=True):
         seconds = value * {"min": 60.0, "s": 1.0}.get(unit, 1.0)

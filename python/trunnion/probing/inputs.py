@@ -19,6 +19,7 @@ from trunnion.probing.model import TouchModel, catalogue, positions_of
 from trunnion.setup import Setup
 
 STEP_ARCSEC = 10.0
+HOUR_S = 3600.0
 """Of a rotary axis, over which its effect on the readings is differenced."""
 DIMENSIONS = (
     *("artefact_length", "artefact_width", "artefact_height"),
@@ -109,13 +110,16 @@ class OnMachine:
         return turning(self.model, self.model.moves(self.data), self.values)
 
     def moved(self, letter: str) -> Floats:
-        """As the tool stands further along a linear axis by 1 µm; 0 of touches at time 0, (n,)."""
+        """As the tool stands further along a linear axis by 1 µm, (n,)."""
         drift = TouchModel(self.model.setup, [f"drift_{letter}"], chain=self.model.chain)
         values = np.append(self.values[: len(drift.names) - 1], 0.0)
-        moves = drift.moves(self.data)
+        # A drift of 1 µm/h, all touches an hour after a first one: it has moved the tool by 1 µm.
+        data = self.data[np.append(0, np.arange(len(self.data)))]
+        moves = drift.moves(
+            data.with_columns(time_s=np.append(0.0, np.full(len(self.data), HOUR_S)))
+        )
         column = np.asarray(drift.core.rates(moves, values[None], [len(values) - 1])).reshape(-1)
-        hours = np.asarray(self.data.time_s) / 3600.0
-        return np.where(hours == 0.0, 0.0, column / np.where(hours == 0.0, 1.0, hours))
+        return column[1:]
 
     def placed(self, name: str) -> Floats:
         """As a parameter of the placement, by its name, is larger by 1."""

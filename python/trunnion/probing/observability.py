@@ -15,6 +15,7 @@ from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
 from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats, unit_of
+from trunnion.data.times import begin_and_span_s
 from trunnion.data.touches import Touches
 from trunnion.files.columns import LARGEST, SMALLEST
 from trunnion.machine.effects import PLACEMENT, split_effects
@@ -245,10 +246,10 @@ def _lengths(matrix: Floats) -> Floats:
 def _reference(model: TouchModel, plan: Touches) -> Floats:
     """Where the model is linearised: known errors, and nonlinear effects at a plausible place."""
     values = model.values()
-    span = float(plan.time_s.max(initial=0.0)) if plan.time_s is not None else 0.0
+    begin, span = begin_and_span_s(plan)
     for index, (name, kind) in enumerate(zip(model.names, model.kinds, strict=True)):
         if kind == "moment":
-            values[index] = 0.5 * span
+            values[index] = begin + 0.5 * span
         elif kind == "duration":
             values[index] = span / 180.0 if name.endswith("_min") else span / 3.0
     return values

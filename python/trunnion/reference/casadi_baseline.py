@@ -225,7 +225,7 @@ def _starts(model: Model, rows: Rows) -> list[tuple[float, Floats]]:
         t0_grid = [float(fixed)] if fixed is not None else list((times[1:] + times[:-1]) / 2)
     tau_grid: list[float | None] = [None]
     if TIME_CONSTANT in model.names:
-        end_min = float(times[-1]) / 60 or 1.0
+        end_min = float(times[-1] - times[0]) / 60 or 1.0
         tau_grid = list(np.geomspace(0.02 * end_min, 3 * end_min, 30))
     if len(t0_grid) * len(tau_grid) == 1:
         return [(t0_grid[0], base)]

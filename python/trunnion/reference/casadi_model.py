@@ -147,7 +147,7 @@ class Rows:
                 self.angles.T,
                 self.turned.T,
                 self.feed,
-                self.time,
+                self.time - self.time.min(initial=np.inf),
                 self.time >= t0_s,
                 contact.mask.T,
                 contact.sign.T,

@@ -10,6 +10,7 @@ import numpy as np
 
 from trunnion.base.errors import DataError
 from trunnion.base.units import Floats
+from trunnion.data.times import begin_and_span_s
 from trunnion.data.touches import Touches
 from trunnion.models.kinds import diagnose
 from trunnion.probing.model import TouchModel
@@ -145,13 +146,13 @@ def _hidden(
     model = TouchModel(setup, (effect,))
     own = [k for k, name in enumerate(model.names) if "." in name]
     values = model.values()
-    times = np.array([0.0]) if touches.time_s is None else touches.time_s
+    begin, span = begin_and_span_s(touches)
     for k in own:
         kind = model.kinds[k]
         if kind == "moment":
-            values[k] = rng.uniform(0.1, 0.9) * times.max()
+            values[k] = begin + rng.uniform(0.1, 0.9) * span
         elif kind == "duration":
-            values[k] = rng.uniform(0.1, 0.5) * times.max() / 60
+            values[k] = rng.uniform(0.1, 0.5) * span / 60
         else:
             values[k] = rng.normal()
     moves = model.moves(touches)

@@ -27,8 +27,10 @@ pub struct Circumstances<'a> {
     pub direction: Vector3<f64>,
     /// Feed of the approach.
     pub feed: f64,
-    /// Time since the start.
+    /// Time of the touch, by the clock of the measurement.
     pub time: f64,
+    /// Time since the first touch of the measurement: what changes with time begins there.
+    pub elapsed: f64,
 }
 
 /// A quantity that a law depends on and that a measurement may lack.
@@ -534,7 +536,7 @@ fn drift(entries: &mut Catalogue) {
         let title = format!("drift of the {letter} axis");
         let rate = [("rate_um_h", UmPerHour)];
         entries
-            .add(id, title, Owner::Time, &rate, move |t, a| a.add(0, Place::offset(d), t.time))
+            .add(id, title, Owner::Time, &rate, move |t, a| a.add(0, Place::offset(d), t.elapsed))
             .needs(Need::Time);
     }
     let warmup = [("amplitude_um", Um), ("tau_min", Min)];
@@ -542,11 +544,11 @@ fn drift(entries: &mut Catalogue) {
         .add("warmup_z", "warm-up of the Z axis", Owner::Time, &warmup, |t, a| {
             let place = Place::offset(Direction::Z);
             let tau = a.value(1).max(f64::MIN_POSITIVE);
-            let left = (-t.time / tau).exp();
+            let left = (-t.elapsed / tau).exp();
             a.add(0, place, 1.0 - left);
             if left > 0.0 {
                 // Written so that a time constant that a step has taken to zero leaves no 0 / 0.
-                a.rate(1, place, -a.value(0) * left * (t.time / tau) / tau);
+                a.rate(1, place, -a.value(0) * left * (t.elapsed / tau) / tau);
             }
         })
         .needs(Need::Time)

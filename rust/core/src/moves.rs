@@ -74,7 +74,7 @@ pub struct Moves<'a> {
     pub direction: &'a [f64],
     /// Feed of the approach, or nothing.
     pub feed: Option<&'a [f64]>,
-    /// Time since the start, or nothing.
+    /// Time of each touch by any clock, or nothing.
     pub time: Option<&'a [f64]>,
     /// Sense of the last turn of each axis, n × number of axes, or nothing.
     pub sense: Option<&'a [f64]>,
@@ -85,6 +85,19 @@ impl Moves<'_> {
     #[must_use]
     pub fn feed_at(&self, row: usize) -> f64 {
         self.feed.map_or(0.0, |feed| feed[row])
+    }
+
+    /// Time of the first touch, 0 where times are not known.
+    #[must_use]
+    pub fn first_time(&self) -> f64 {
+        self.time.and_then(|time| time.iter().copied().reduce(f64::min)).unwrap_or(0.0)
+    }
+
+    /// Time from the first touch to the last, 0 where times are not known.
+    #[must_use]
+    pub fn span(&self) -> f64 {
+        let last = self.time.and_then(|time| time.iter().copied().reduce(f64::max));
+        last.map_or(0.0, |last| last - self.first_time())
     }
 
     /// Number of rows.
@@ -138,5 +151,21 @@ impl Moves<'_> {
     #[must_use]
     pub fn vector(values: &[f64], row: usize) -> Vector3<f64> {
         Vector3::new(values[3 * row], values[3 * row + 1], values[3 * row + 2])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn time_counts_from_the_first_touch() {
+        let table = |time: Option<Vec<f64>>| {
+            let direction = vec![0.0, 0.0, -1.0, 0.0, 0.0, -1.0];
+            MoveTable::new(0, vec![], vec![0.0; 6], direction, None, time, None).unwrap()
+        };
+        let later = table(Some(vec![1.7e9 + 40.0, 1.7e9]));
+        assert_eq!((later.view().first_time(), later.view().span()), (1.7e9, 40.0));
+        assert_eq!((table(None).view().first_time(), table(None).view().span()), (0.0, 0.0));
     }
 }

@@ -139,6 +139,7 @@ impl Model {
             direction: self.direction,
             feed: 0.0,
             time: 0.0,
+            elapsed: 0.0,
         };
         let mut first = 0;
         for effect in &self.effects {

@@ -9,7 +9,6 @@ pub(super) fn between(times: &[f64]) -> Vec<f64> {
 }
 
 /// Durations from a fiftieth of the whole to three times it.
-pub(super) fn decades(times: &[f64]) -> Vec<f64> {
-    let span = times.iter().copied().fold(0.0, f64::max);
+pub(super) fn decades(span: f64) -> Vec<f64> {
     (0..20).map(|i| span / 50.0 * 150_f64.powf(f64::from(i) / 19.0)).collect()
 }

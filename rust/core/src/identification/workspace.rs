@@ -138,13 +138,12 @@ impl Workspace {
         let mut values = start.to_vec();
         let Some(times) = moves.time else { return Ok(values) };
         // Out of the way: moments after the last touch, durations as long as the measurement.
-        let end = times.iter().copied().fold(0.0, f64::max);
         let free = self.free.clone();
         for (k, kind) in self.kinds.iter().enumerate() {
             match kind {
                 Kind::Linear => continue,
-                Kind::Moment => values[k] = end + 1.0,
-                Kind::Duration => values[k] = end,
+                Kind::Moment => values[k] = moves.first_time() + moves.span() + 1.0,
+                Kind::Duration => values[k] = moves.span(),
             }
             self.free[k] = false;
         }
@@ -173,7 +172,7 @@ impl Workspace {
             let candidates = match self.kinds[k] {
                 Kind::Linear => continue,
                 Kind::Moment => between(times),
-                Kind::Duration => decades(times),
+                Kind::Duration => decades(moves.span()),
             };
             let mut best = (f64::INFINITY, values[k]);
             for candidate in candidates {

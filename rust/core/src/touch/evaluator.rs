@@ -19,6 +19,7 @@ const LARGEST_GAP_MM: f64 = 1e5;
 pub struct Evaluator<'a> {
     model: &'a TouchModel,
     moves: Moves<'a>,
+    first_time: f64,
     values: &'a [f64],
     constant: Places,
     pose: Option<TouchPose>,
@@ -105,6 +106,7 @@ impl<'a> Evaluator<'a> {
         Self {
             model,
             moves: *moves,
+            first_time: moves.first_time(),
             values,
             constant: model.constant_places(values),
             pose: None,
@@ -152,6 +154,7 @@ impl<'a> Evaluator<'a> {
     fn act(&mut self, row: usize, positions: &[f64], with_rates: bool) -> Places {
         let axes = positions.len();
         let none = [0.0; MAX_ROTARY];
+        let time = self.moves.time.map_or(0.0, |time| time[row]);
         let circumstances = Circumstances {
             rotary: positions,
             sense: match self.moves.sense {
@@ -160,7 +163,8 @@ impl<'a> Evaluator<'a> {
             },
             direction: Moves::vector(self.moves.direction, row),
             feed: self.moves.feed_at(row),
-            time: self.moves.time.map_or(0.0, |time| time[row]),
+            time,
+            elapsed: time - self.first_time,
         };
         let mut places = self.constant;
         self.rates.clear();
