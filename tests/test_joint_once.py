@@ -15,8 +15,8 @@ from trunnion.models.kinds import model_of
 PPM = 1e-6
 
 
-def run(seed: int, scale_ppm: float) -> tn.Positioning:
-    """Stops of X, of a machine of this scale that has nothing else."""
+def run(seed: int, scale_ppm: float, axis: str = "x") -> tn.Positioning:
+    """Stops of an axis of this scale that has nothing else."""
     rng = np.random.default_rng([91, seed])
     target = np.tile(np.concatenate([np.linspace(0, 500, 11), np.linspace(500, 0, 11)]), 5)
     noise = 0.3e-3 * rng.standard_normal(len(target))
@@ -25,7 +25,7 @@ def run(seed: int, scale_ppm: float) -> tn.Positioning:
         measured_mm=target * (1 + scale_ppm * PPM) + noise,
         direction=np.tile(np.repeat([1, -1], 11), 5),
         cycle=np.repeat(np.arange(1, 6), 22),
-        axis=["x"] * len(target),
+        axis=[axis] * len(target),
     )
 
 
@@ -58,3 +58,18 @@ def test_only_dates_between_others_can_be_another_alone(count: int, between: set
     effects = model_of([run(i, 30.0) for i in range(count)]).effects
     once = {e.id.partition(":")[0] for e in effects if e.id.endswith(":once_scale_x")}
     assert once == {f"positioning {number}" for number in between}
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_run_of_another_axis_between_hides_no_change(seed: int) -> None:
+    """X, Y, X, Y is the usual order of work."""
+    several = [(30.0, "x"), (10.0, "y"), (45.0, "x"), (10.0, "y")]
+    found = tn.diagnose([run(4 * seed + i, *one) for i, one in enumerate(several)])
+    assert found.named == {"scale_x", "positioning 3:change_scale_x", "scale_y"}
+    assert found.verdict == "explained"
+
+
+def test_what_no_later_run_sees_changed_or_is_another_alone_alike() -> None:
+    found = tn.diagnose([run(1, 30.0), run(2, 45.0), run(3, 10.0, "y")])
+    assert found.named == {"scale_x", "positioning 2:change_scale_x", "scale_y"}
+    assert found.verdict == "explained"

@@ -17,6 +17,7 @@ the rest ("ballbar:differs_squareness_xy"): the measurements contradict each oth
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -56,6 +57,7 @@ from trunnion.models.parts import (
     joined_noise,
     joined_readings,
     joined_replicates,
+    may_have_happened,
     places_of,
     size_of,
     with_odds,
@@ -185,33 +187,28 @@ class JointModel(Model):
         return {a.effect.id: id_ for id_, acts in own.items() for a in acts if a.part == i}
 
     def _possible_changes(self, made: Mapping[str, Effect]) -> Iterator[Effect]:
-        """Changes of what measurements of one kind share, before or in a later one of them."""
+        """Changes of what several measurements of a kind see, before or in a later one of them."""
         kinds = [part.kind for part in self.parts]
         for i, part in enumerate(self.parts):
-            if part.kind not in kinds[:i]:
-                continue
-            before = i - 1 - kinds[:i][::-1].index(part.kind)
-            # the last one alone is another since then
-            changes = [Happened.CHANGED, *[Happened.ONCE] * (part.kind in kinds[i + 1 :])]
-            for k in sorted(set(self._index[before]) & set(self._index[i])):
-                x = self.nuisance[k]
-                for one in changes:
+            for k in sorted(set(self._index[i].tolist())):
+                x, seeing = self.nuisance[k], [j for j, own in enumerate(self._index) if k in own]
+                for one in may_have_happened(i, seeing, kinds):
                     size = (size_of("change", x),)
                     yield self._happened(Change(i, one, error=x.name), size, x.name, x.owner)
             for shared, acts in list(self._acts.items()):
-                effect = made[shared]
-                # All axes alike: only where both dates see several of them.
+                effect, count = made[shared], Counter(a.part for a in acts)
+                # All axes alike: only where dates see several of them.
                 least = 2 if shared == self.alike.id else 1
-                seen = [sum(a.part == j for a in acts) for j in (before, i)]
-                if min(seen) < least or not effect.linear:
-                    continue
+                seeing = [j for j in sorted(count) if count[j] >= least]
+                changes = may_have_happened(i, seeing, kinds) if effect.linear else ()
                 own = effect.parameters, effect.label, effect.owner
                 for one in changes:
                     yield self._happened(Change(i, one, effect=shared), *own)
-                ended = self._happened(Change(i, Happened.ENDED, effect=shared), *own)
-                changed = Happened.CHANGED.id(part.name, JointId.of(shared).cause)
-                # Any two of the three are the same: a size on each date.
-                yield replace(ended, instead_of=(shared, changed))
+                if changes:
+                    ended = self._happened(Change(i, Happened.ENDED, effect=shared), *own)
+                    changed = Happened.CHANGED.id(part.name, JointId.of(shared).cause)
+                    # Any two of the three are the same: a size on each date.
+                    yield replace(ended, instead_of=(shared, changed))
 
     def _possible_differences(self, made: Mapping[str, Effect]) -> Iterator[Effect]:
         """What one kind of measurement sees otherwise than the others that share it."""

@@ -75,6 +75,21 @@ class Change:
                 return kinds[part] == kinds[self.since]
 
 
+def may_have_happened(
+    part: int, seeing: Sequence[int], kinds: Sequence[str]
+) -> tuple[Happened, ...]:
+    """What may have happened at a part to what some parts see, in order; of ``kinds`` each.
+
+    Nothing where none of its kind saw it before. In the last part that sees it, another value in it
+    alone is the same as a change before it.
+    """
+    before = [kinds[j] for j in seeing if j < part]
+    if part not in seeing or kinds[part] not in before:
+        return ()
+    last = part == max(seeing)
+    return (Happened.CHANGED,) if last else (Happened.CHANGED, Happened.ONCE)
+
+
 @dataclass(frozen=True, eq=False)
 class Part:
     """One of the measurements.
