@@ -220,5 +220,5 @@ def test_what_is_no_data_is_refused_by_its_place_in_the_list(given: object) -> N
     table = tn.read(tn.sample_path("plate/first.csv"))
     with pytest.raises(tn.InputError, match=r"^data\[1\]: got ") as caught:
         tn.diagnose([table, given])
-    a_file = "(trunnion.read reads a file)" in str(caught.value)
+    a_file = f"trunnion.read({str(given)!r}) reads the file" in str(caught.value)
     assert a_file == (not isinstance(given, float) and given is not None)
