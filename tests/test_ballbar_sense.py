@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import trunnion as tn
+from trunnion.models.ballbar.path import Path as Travelled
 
 RADIUS_MM, BACKLASH_UM = 100.0, 6.0
 PLANES = {"XY": (0, 1), "YZ": (1, 2), "ZX": (2, 0), "XZ": (0, 2)}
@@ -102,3 +103,107 @@ def test_a_machine_that_trembles_before_it_starts_is_taken() -> None:
     y[:20] += np.random.default_rng(4).normal(0, 1e-4, 20)
     columns = {name: np.asarray(values)[still] for name, values in test.columns.items()}
     tn.diagnose(tn.Ballbar(columns | {"x_mm": x, "y_mm": y}))
+
+
+def arcs(
+    paths: list[tuple[float, float, float]], plane: str = "XY", trembles_deg: float = 0.0
+) -> tn.Ballbar:
+    """Lengths of a machine with backlash, its paths from one angle to another by steps, °."""
+    first, second = PLANES[plane]
+    rng = np.random.default_rng(5)
+    angles = [np.arange(a, b + np.sign(b - a) * 1e-9, np.sign(b - a) * s) for a, b, s in paths]
+    sense = np.repeat([int(np.sign(b - a)) for a, b, _ in paths], [len(one) for one in angles])
+    angle = np.radians(np.concatenate(angles) + rng.normal(0, trembles_deg, len(sense)))
+    at = np.zeros((len(angle), 3))
+    at[:, first], at[:, second] = RADIUS_MM * np.cos(angle), RADIUS_MM * np.sin(angle)
+    actual = at.copy()
+    actual[:, second] -= 1e-3 * BACKLASH_UM / 2 * np.sign(np.cos(angle)) * sense
+    length = np.linalg.norm(actual, axis=1) + rng.normal(0, 2e-4, len(angle))
+    x, y, z = at.T
+    return tn.Ballbar(
+        setup=np.ones(len(x), int), x_mm=x, y_mm=y, z_mm=z, length_mm=length, sense=sense
+    )
+
+
+def travel(test: tn.Ballbar) -> Travelled:
+    """How the machine travels, or the error about its rows."""
+    return Travelled(test, np.asarray(test.position_mm))
+
+
+@pytest.mark.parametrize("plane", ["XY", "ZX"])
+@pytest.mark.parametrize("step", [10.0, 15.0, 20.0, 30.0])
+@pytest.mark.parametrize(
+    ("start", "end"), [(0, 90), (0, 120), (0, 180), (-20, 220), (-45, 405), (-90, 450)]
+)
+@pytest.mark.parametrize("way", ["ccw", "cw", "both"])
+def test_coarse_arcs_run_several_times_are_taken(
+    way: str, start: float, end: float, step: float, plane: str
+) -> None:
+    """The return to the start of an arc is no travel: a run begins there."""
+    end = start + step * np.floor((end - start) / step)
+    there, back = (start, end, step), (end, start, step)
+    test = arcs(
+        {"ccw": [there] * 5, "cw": [back] * 5, "both": [there] * 3 + [back] * 3}[way], plane
+    )
+    runs = travel(test).each()
+    rows = len(test) // len(runs)
+    if (end - start) % 360 <= 180:  # a return that goes on the short way round is as a gap
+        assert [len(run) for run in runs] == [rows] * (6 if way == "both" else 5)
+
+
+def test_a_run_ends_where_the_machine_returns() -> None:
+    """Also without a sense: travel there was taken from the way back."""
+    test = arcs([(0.0, 180.0, 15.0)] * 5)
+    for data in (test, test.with_columns(sense=None)):
+        path = travel(data)
+        assert [len(run) for run in path.each()] == [13] * 5
+        # tangents of a coarse circle at its ends, to the second order
+        x, y, _ = np.asarray(test.position_mm).T
+        np.testing.assert_allclose(path.tangent[:, 0], -y / RADIUS_MM, atol=0.05)
+        np.testing.assert_allclose(path.tangent[:, 1], x / RADIUS_MM, atol=0.05)
+
+
+@pytest.mark.parametrize("plane", ["XY", "ZX"])
+def test_a_fine_log_that_trembles_is_taken(plane: str) -> None:
+    """Steps of 1.7 µm, positions to 2 µm: half of the path goes back."""
+    travel(arcs([(0.0, 20.0, 0.001), (20.0, 0.0, 0.001)], plane, trembles_deg=0.00116))
+    travel(arcs([(0.0, 360.0, 1.0), (360.0, 0.0, 1.0)], plane, trembles_deg=0.5))
+
+
+@pytest.mark.parametrize("step", [5.0, 15.0, 30.0])
+def test_coarse_arcs_in_another_order_are_refused(step: float) -> None:
+    there, back = (0.0, 120.0, step), (120.0, 0.0, step)
+    good = arcs([there] * 3 + [back] * 3)
+    with pytest.raises(tn.DataError, match="counted the other way"):
+        travel(inverted(good))
+    rows = np.arange(len(good)).reshape(6, -1)
+    rows[3:] = rows[3:, ::-1]  # each path by angle
+    with pytest.raises(tn.DataError, match="Were rows sorted by angle"):
+        travel(good[rows.ravel()])
+
+
+@pytest.mark.parametrize("plane", PLANES)
+@pytest.mark.parametrize("turned_deg", [0.0, 2.0])
+def test_rows_of_both_senses_sorted_by_angle_are_refused(turned_deg: float, plane: str) -> None:
+    """A run of one row shows no travel: backlash of 6 µm was "consistent"."""
+    test = arcs([(0.5, 359.0, 5.0), (359.0 - turned_deg, 0.0, 5.0)], plane)
+    first, second = PLANES[plane]
+    at = np.asarray(test.position_mm).T
+    angle = np.mod(np.arctan2(at[second], at[first]), 2 * np.pi)
+    with pytest.raises(
+        tn.DataError, match=r"it changes 1\d\d times .* Were rows sorted by angle\?"
+    ):
+        tn.diagnose(test[np.argsort(np.round(angle, 6), kind="stable")])
+
+
+def test_short_paths_of_both_senses_are_taken() -> None:
+    """Arcs to and fro, rows that repeat, paths of one row at the ends, a column that numbers."""
+    pendulum = arcs([(0.0, 90.0, 30.0), (90.0, 0.0, 30.0)] * 5)
+    travel(pendulum)
+    travel(arcs([(0.0, 90.0, 45.0), (90.0, 0.0, 45.0)] * 8))
+    travel(pendulum[np.repeat(np.arange(len(pendulum)), 3)])
+    whole = circle()
+    ends = np.asarray(whole.sense).copy()
+    ends[0], ends[-1] = -ends[0], -ends[-1]
+    travel(whole.with_columns(sense=ends))
+    travel(whole.with_columns(run=np.arange(len(whole))))

@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from trunnion.base.units import Floats, Integers
+from trunnion.base.units import Flags, Floats, Integers
 from trunnion.data.ballbar import Ballbar
 from trunnion.data.meant import out_of_order
 
@@ -15,7 +15,14 @@ ROUND_MM = 0.01
 """Commanded points may lie so far off their circle, mm: what three decimals of a chord leave."""
 MIN_POINTS = 8
 MAX_AGAINST = 0.1
-"""Share of a path that may go back: points of a log tremble where the machine stands."""
+"""Share of a path that may go back, single steps apart."""
+TREMBLE_RAD, TREMBLE_SHARE = np.radians(3.0), 0.1
+"""Steps below it, or below so much of what the path spans, are joined: points of a log tremble."""
+MAX_SINGLE = 0.5
+"""Share of the rows of a circle that may be paths of their own: a point shows no travel."""
+MIN_CHANGES = 0.25
+"""Of steps between rows: where the sense changes as often, rows of both senses are mixed."""
+SORTED = "Were rows sorted by angle? Then sort the rows of each path along its travel."
 WAYS = {1: "counter-clockwise", -1: "clockwise"}
 TURNED_ALIKE = {"XY": "from X to Y", "YZ": "from Y to Z"}
 """Planes whose counter-clockwise everybody counts alike; in ZX it is from Z to X or from X to Z."""
@@ -89,6 +96,51 @@ def check_sense(data: Ballbar, plane: str, paths: list[Path], *, any_order: bool
     )
 
 
+def check_travel(data: Ballbar, plane: str, paths: list[Path]) -> None:
+    """Refuse rows of both senses that are mixed: most are paths of one point, without travel.
+
+    Raises DataError: with the first row at which the sense changes, and the likely cause.
+    """
+    rows = np.sort(np.concatenate([mine for mine, _ in paths]))
+    single = sum(len(mine) == 1 for mine, _ in paths)
+    changes = np.flatnonzero(np.diff(np.asarray(data.sense)[rows]))
+    if single <= MAX_SINGLE * len(rows) or len(changes) < MIN_CHANGES * len(rows):
+        return
+    raise out_of_order(
+        f"sense ({data.place(int(rows[changes[0] + 1]))}): it changes {len(changes)} times in the "
+        f"{len(rows)} rows round the circle in {plane}, {single} of which are a path of one point, "
+        f"expected the readings in the order in which they were taken. {SORTED}"
+    )
+
+
+def _wrapped(angle: Floats) -> Floats:
+    """Angles the short way round, rad."""
+    return np.arctan2(np.sin(angle), np.cos(angle))
+
+
+def _without_tremble(angle: Floats) -> Integers:
+    """Places along a path each of which is further from the one before than a log trembles."""
+    beyond = _wrapped(angle - angle[0])
+    least = min(TREMBLE_RAD, TREMBLE_SHARE * float(np.abs(beyond).max()))
+    kept = [0]
+    last, turn = 0.0, 2 * np.pi
+    for k, at in enumerate(beyond.tolist()):
+        apart = abs(at - last)
+        if min(apart, turn - apart) > least:
+            kept.append(k)
+            last = at
+    return np.asarray(kept, dtype=np.intp)
+
+
+def _single_steps_back(back: Flags) -> Flags:
+    """Steps back between steps forward: the machine returned to a start, or a row trembles."""
+    if len(back) < 2:
+        return np.zeros(len(back), dtype=bool)
+    beside = np.concatenate([[False], back[:-1]]) | np.concatenate([back[1:], [False]])
+    single: Flags = back & ~beside
+    return single
+
+
 @dataclass(frozen=True)
 class Against:
     """Paths whose rows go the other way than their sense says.
@@ -114,9 +166,12 @@ class Against:
             return cls()
         rows, steps = [np.zeros(0, dtype=np.intp)], [np.zeros(0)]
         for mine, angle in paths:
-            turned = np.diff(angle)
-            rows.append(mine[1:])
-            steps.append(np.arctan2(np.sin(turned), np.cos(turned)))
+            kept = _without_tremble(angle)
+            turned = _wrapped(np.diff(angle[kept]))
+            way = np.asarray(data.sense)[mine[kept[1:]]]
+            counts = ~_single_steps_back(way * turned < 0)
+            rows.append(mine[kept[1:]][counts])
+            steps.append(turned[counts])
         row, step = np.concatenate(rows), np.concatenate(steps)
         sense = np.asarray(data.sense)[row]
         back, size = np.maximum(-sense * step, 0.0), np.abs(step)
@@ -136,5 +191,5 @@ class Against:
         if self.all_of_both:
             return "All rows do: is the sense counted the other way, or were rows sorted by angle?"
         if self.whole:
-            return "Were rows sorted by angle? Then sort the rows of each path along its travel."
+            return SORTED
         return "Were rows sorted, or put together from several files?"

@@ -8,7 +8,7 @@ import numpy as np
 
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.data.ballbar import Ballbar
-from trunnion.data.circles import check_sense, paths_round
+from trunnion.data.circles import check_sense, check_travel, paths_round
 from trunnion.data.meant import out_of_order
 from trunnion.data.times import elapsed_s
 from trunnion.hybrid.readings import setup_index
@@ -19,6 +19,10 @@ AXES = "xyz"
 STANDSTILL = 0.2
 #: Cosine between two steps below which the machine has turned back, where no sense is given.
 TURNS_BACK = -0.7
+#: A step so many times as long as they are, and longer by so many times their scatter, that turns
+#: by more than 90° is no travel: the machine returned to where the next run starts.
+RETURN_STEPS, RETURN_SIGMAS = 1.5, 6.0
+MAD_TO_SIGMA = 1.4826
 MIN_TRAVEL_MM = 1e-3
 #: Share of a run's readings that may be left out as at reversals: of a coarse circle they are many.
 MAX_LEFT_OUT = 0.2
@@ -35,7 +39,7 @@ class Path:
         index, _ = setup_index(data)
         step = np.linalg.norm(np.diff(tips, axis=0), axis=1)
         typical = float(np.median(step[step > 1e-9])) if (step > 1e-9).any() else 1.0
-        change = (np.diff(index) != 0) | (step > 8 * typical)
+        change = (np.diff(index) != 0) | (step > 8 * typical) | _returns(tips)
         for name in ("sense", "circle", "run"):
             column = data.columns.get(name)
             if column is not None:
@@ -78,6 +82,7 @@ class Path:
         for setup in dict.fromkeys(setup_of):
             mine = [rows for rows, of in zip(runs, setup_of, strict=True) if of == setup]
             for plane, paths in paths_round(tips, mine).items():
+                check_travel(data, plane, paths)
                 check_sense(data, plane, paths)
 
     @property
@@ -207,6 +212,26 @@ class Path:
     def _older(self, since: float, rows: Integers, k: int, sign: Floats) -> bool:
         """Whether the reversal noted is not the one that ends at this reading."""
         return bool(sign[rows[k - 1]] != 0.0 or since < self.along[rows[k - 1]] - 1e-9)
+
+
+def _returns(tips: Floats) -> Flags:
+    """Steps (n - 1,) with which the machine returns to a start, along a path that is not logged.
+
+    They say nothing about the travel at either end. Gaps of readings left out go forward.
+    """
+    step = np.diff(tips, axis=0)
+    size = np.linalg.norm(step, axis=1)
+    moving = np.flatnonzero(size > 1e-9)
+    out = np.zeros(len(step), dtype=bool)
+    if len(moving) < 2:
+        return out
+    moved = size[moving]
+    typical = float(np.median(moved))
+    scatter = MAD_TO_SIGMA * float(np.median(np.abs(moved - typical)))
+    large = moved > max(RETURN_STEPS * typical, typical + RETURN_SIGMAS * scatter)
+    way = step[moving]
+    out[moving[1:][large[1:] & (np.einsum("ij,ij->i", way[:-1], way[1:]) < 0.0)]] = True
+    return out
 
 
 def _turns_back(tips: Floats) -> Flags:
