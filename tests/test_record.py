@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -108,3 +109,95 @@ def test_effects_of_a_file_come_back() -> None:
     assert back == made
     assert back.candidates == (effect,)
     assert back.rebuilt_model().effects[-1].id == "once"
+
+
+def of(path: Path | str) -> str:
+    return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+
+
+def recorded(made: Any) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(made.to_json())["record"]
+    return found
+
+
+@pytest.mark.parametrize("then", ["changed", "gone", "elsewhere"])
+def test_the_checksum_is_of_what_was_read(
+    then: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("touches.csv").write_bytes(TOUCHES.read_bytes())
+    Path("setup.toml").write_bytes(SETUP.read_bytes())
+    made = tn.diagnose(tn.read("touches.csv"), tn.read_setup("setup.toml"))
+    for name in ("touches.csv", "setup.toml"):
+        if then == "changed":
+            Path(name).write_text("other", encoding="utf-8")
+        elif then == "gone":
+            Path(name).unlink()
+    if then == "elsewhere":
+        monkeypatch.chdir("/")
+    files = {one["file"]: one for one in recorded(made)["files"]}
+    assert {name: one["sha256"] for name, one in files.items()} == {
+        "touches.csv": of(TOUCHES),
+        "setup.toml": of(SETUP),
+    }
+    assert files["touches.csv"]["bytes"] == len(TOUCHES.read_bytes())
+    page = made.to_html(tmp_path / "page.html").read_text("utf-8")
+    assert of(TOUCHES) in page
+
+
+def test_data_that_come_back_by_themselves_keep_the_checksum() -> None:
+    data = tn.Touches.from_json(tn.read_touches(TOUCHES).to_json())
+    both = pickle.loads(pickle.dumps(data))[3:]
+    made = tn.diagnose(both, tn.read_setup(SETUP))
+    assert [one["sha256"] for one in recorded(made)["files"]] == [of(TOUCHES), of(SETUP)]
+    old = json.loads(tn.read_touches(TOUCHES).to_json())
+    del old["origin"]["read"]  # of an older version: what the file was then is not known
+    made = tn.diagnose(tn.Touches.from_json(json.dumps(old)), tn.read_setup(SETUP))
+    assert [one["sha256"] for one in recorded(made)["files"]] == ["", of(SETUP)]
+
+
+def test_results_without_data_record_their_files(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    axis = tn.read_positioning(tn.sample_path("positioning/axis.csv"))
+    for name in ("a.csv", "b.csv"):
+        made = axis.with_columns(measured_mm=axis.measured + rng.normal(0, 1e-4, len(axis)))
+        made.to_csv(tmp_path / name)
+    paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    sums = [of(path) for path in paths]
+    both = [tn.read(path) for path in paths]
+    bar = tn.read_ballbar(BAR)
+    identified = tn.identify(tn.read_touches(TOUCHES), tn.read_setup(SETUP))
+    batch = tn.diagnose_many([*map(str, paths), str(tmp_path / "none.csv")], workers=1)
+    for path in paths:
+        path.write_text("other", encoding="utf-8")
+    for found, call, expected in (
+        (tn.compare(*both), "trunnion.compare(", sums),
+        (tn.compare(*map(tn.diagnose, both)), "trunnion.compare(", sums),
+        (tn.iso230_4(bar)[0], "trunnion.iso230_4(", [of(BAR)]),
+        (identified, "trunnion.identify(", [of(TOUCHES), of(SETUP)]),
+        (tn.compare(identified, identified), "trunnion.compare(", [of(TOUCHES), of(SETUP)]),
+        (both[0].iso230_2(), "iso230_2(", sums[:1]),
+        (batch, "trunnion.diagnose_many([", [*sums, ""]),
+    ):
+        record = recorded(found)
+        assert [one["sha256"] for one in record["files"]] == expected, call
+        assert record["made_by"].startswith(call)
+        assert all(f'"{one["file"]}"' in record["made_by"] for one in record["files"])
+        back = type(found).from_json(found.to_json())
+        assert recorded(back) == record
+
+
+def test_a_file_of_effects_is_recorded(tmp_path: Path) -> None:
+    effect = tn.FormulaEffect("third", "Ballbar", covariate="angle in the XY plane", unit="deg",
+                              component="", shape="harmonic", number=3)  # fmt: skip
+    path = tn.write_effects(tmp_path / "e.toml", [effect])
+    record = recorded(tn.diagnose(tn.read_ballbar(BAR), effects=tn.read_effects(path)))
+    assert [(one["what"], one["sha256"]) for one in record["files"]] == [
+        ("data", of(BAR)),
+        ("effects", of(path)),
+    ]
+    assert f'effects=["{path}"]' in record["made_by"]
+    run("diagnose", str(BAR), "--effects", str(path), "-o", str(tmp_path / "d.json"))
+    assert (
+        json.loads((tmp_path / "d.json").read_text("utf-8"))["record"]["files"] == record["files"]
+    )

@@ -30,6 +30,7 @@ from numpy.typing import ArrayLike
 
 from trunnion.base.checks import choose, entry, finite, floats, mapping, shown, whole, with_article
 from trunnion.base.errors import DataError, InputError, TrunnionError, UnknownNameError
+from trunnion.base.record import files_of, hold_files
 from trunnion.base.report import Result
 
 __all__ = ["Take", "check_fields", "checked", "holds_nan", "name_place", "renumber", "taker"]
@@ -70,6 +71,11 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
         except (ArithmeticError, MemoryError, np.linalg.LinAlgError) as error:
             why = f"{name}: {_TOO_EXTREME} ({error or type(error).__name__})"
             raise InputError(_in_file(why, bound.arguments.values())) from error
+        results = found if isinstance(found, tuple | list) else (found,)
+        given = bound.arguments.values()
+        for one in results:
+            if isinstance(one, Result) and not any(one is each for each in given):
+                hold_files(one, files_of(*given, one))
         return found
 
     return call

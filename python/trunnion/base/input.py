@@ -9,6 +9,7 @@ from os import PathLike
 from pathlib import Path
 
 from trunnion.base.errors import InputError
+from trunnion.base.read_files import read_and_noted
 
 _NO_NAME = (errno.ENAMETOOLONG, errno.EINVAL, errno.ELOOP)
 """What the system says of a name that no file can have."""
@@ -44,7 +45,7 @@ def file_bytes(path: str | PathLike[str]) -> bytes:
     Raises InputError: a folder, or no path. OSError: no such file, or one that may not be read.
     """
     try:
-        return path_of(path).read_bytes()
+        return read_and_noted(path_of(path), path)
     except IsADirectoryError:
         raise InputError(f"{path}: got a folder, expected a file") from None
 

@@ -1,15 +1,15 @@
 """The record of a result: software, the call that made it, input files with their checksums.
 
 JSON and the report state the same record. It is made once, when a result is first written, and
-comes back with a result that is read from JSON: a file that changed since does not change it.
+comes back with a result that is read from JSON. Size, date and checksum of a file are those of what
+was read: a file that changed since, or another folder to work in, does not change them.
 """
 
 from __future__ import annotations
 
-import hashlib
 import platform
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from os import PathLike
@@ -18,10 +18,11 @@ from typing import Any
 
 from trunnion._core import __version__
 from trunnion.base.call import COMMAND
-from trunnion.base.input import path_of
+from trunnion.base.read_files import RecordedFile, as_read
 
 CALLS = {
     "Diagnosis": "trunnion.diagnose",
+    "DiagnosisBatch": "trunnion.diagnose_many",
     "IdentificationResult": "trunnion.identify",
     "ClosedFormResult": "trunnion.closed_form",
     "MachineComparison": "trunnion.compare",
@@ -39,38 +40,6 @@ CALLS = {
 
 
 @dataclass(frozen=True)
-class RecordedFile:
-    """An input file as it was when the record was made.
-
-    file: Path, as it was given.
-    what: "data", "input" or "set-up".
-    bytes: Size; None where the file was not there any more.
-    changed: Date of its last change.
-    sha256: Checksum, in hexadecimal digits; empty where the file was not there any more.
-    """
-
-    file: str
-    what: str
-    bytes: int | None
-    changed: str
-    sha256: str
-
-    @classmethod
-    def of(cls, path: str, what: str) -> RecordedFile:
-        """Return a file with its size, date of change and checksum."""
-        try:
-            about = Path(path).stat()
-            if not Path(path).is_file():  # a pipe is read once only
-                return cls(path, what, None, "no file", "")
-            with path_of(path).open("rb") as opened:
-                digest = hashlib.file_digest(opened, "sha256").hexdigest()
-        except (OSError, ValueError):
-            return cls(path, what, None, "not there any more", "")
-        changed = datetime.fromtimestamp(about.st_mtime, UTC).astimezone()
-        return cls(path, what, about.st_size, changed.isoformat(" ", "minutes"), digest)
-
-
-@dataclass(frozen=True)
 class Record:
     """What a result was made with, and of which files.
 
@@ -79,7 +48,7 @@ class Record:
     written: Date and time of the record.
     made_by: The command or call.
     by_command: Whether it is a command.
-    files: Input files: data, further ones, the set-up.
+    files: Input files as they were when they were read: data, further ones, effects, the set-up.
     """
 
     software: str
@@ -93,30 +62,53 @@ class Record:
     def of(
         cls, result: Any, data: Any = None, setup: Any = None, by: str = "", inputs: Any = ()
     ) -> Record:
-        """Return the record of a result; data and set-up by default those that it holds itself."""
-        data = getattr(result, "data", None) if data is None else data
-        setup = getattr(result, "setup", None) if setup is None else setup
-        several = list(data) if isinstance(data, list | tuple) else [data]
-        given = (*inputs, *(str(one) for one in several if isinstance(one, str | PathLike)))
-        paths = [(path, "data") for path in dict.fromkeys(files_of(several))]
-        paths += [(path, "input") for path in given]
-        if source := getattr(setup, "source", ""):
-            paths.append((str(source), "set-up"))
+        """Return the record of a result; data and set-up by default those that it holds itself.
+
+        inputs: Further files: paths, or files as they were read.
+        """
+        found = [*files_of(data, setup), *files_of(result), *_paths(data), *_paths(inputs)]
+        order = ("data", "input", "effects", "set-up")
+        found.sort(key=lambda one: order.index(one.what) if one.what in order else len(order))
+        files = tuple({(one.file, one.sha256): one for one in reversed(found)}.values())[::-1]
         return cls(
             f"trunnion {__version__}",
             platform.python_version(),
             datetime.now(UTC).astimezone().isoformat(" ", "seconds"),
-            by or COMMAND.get() or _call(result, several, given, str(source)),
+            by or COMMAND.get() or _call(result, data, files),
             bool(COMMAND.get()),
-            tuple(RecordedFile.of(*one) for one in paths),
+            files,
         )
 
 
-def files_of(tables: Sequence[Any]) -> Iterator[str]:
-    """Paths of the files that tables were read from."""
-    for one in tables:
-        origin = getattr(one, "origin", None)
-        yield from () if origin is None else origin.files
+def files_of(*things: Any) -> Iterator[RecordedFile]:
+    """Files that were read for data, set-ups, effects and results, those in a list among them."""
+    for one in things:
+        if isinstance(one, list | tuple):
+            plain = bool(one) and isinstance(one[0], int | float | str)  # may be very many
+            yield from () if plain else files_of(*one)
+        elif (origin := getattr(one, "origin", None)) is not None and hasattr(origin, "as_read"):
+            yield from origin.as_read()
+        elif hasattr(one, "read_as"):  # a set-up
+            if one.source:
+                yield one.read_as or RecordedFile.unknown(one.source, "set-up")
+        elif hasattr(one, "__dict__"):
+            held = vars(one)
+            yield from files_of(*(held.get(k) for k in ("data", "candidates", "setup", "results")))
+            yield from held.get("_made_of", ())
+
+
+def hold_files(made: Any, files: Iterable[RecordedFile]) -> None:
+    """Let a result, or an effect, know of which files it was made; it is no field."""
+    if found := tuple(dict.fromkeys(files)):
+        object.__setattr__(made, "_made_of", found)  # results are frozen
+
+
+def _paths(given: Any) -> Iterator[RecordedFile]:
+    for one in given if isinstance(given, list | tuple) else [given]:
+        if isinstance(one, RecordedFile):
+            yield one
+        elif isinstance(one, str | PathLike):
+            yield as_read(one, "input") or RecordedFile.now(one, "input")
 
 
 def held_record(result: Any) -> Record | None:
@@ -142,14 +134,22 @@ def record_of(result: Any, **made_of: Any) -> Record:
     return known
 
 
-def _call(result: Any, tables: Sequence[Any], inputs: Sequence[str], source: str) -> str:
+def _call(result: Any, data: Any, files: Sequence[RecordedFile]) -> str:
     """Return the Python call that makes such a result of such data."""
     name = type(result).__name__
     called = next((CALLS[k.__name__] for k in type(result).__mro__ if k.__name__ in CALLS), name)
+    data = getattr(result, "data", None) if data is None else data
+    tables = data if isinstance(data, list | tuple) else [data]
     known = [one for one in tables if hasattr(one, "origin")]
-    given = [next((f'"{path}"' for path in files_of([one])), type(one).__name__) for one in known]
-    given += [f'"{path}"' for path in inputs]
-    many = f"[{', '.join(given)}]" if len(given) > 1 else "".join(given)
-    parts = [part for part in (many, f'"{source}"' if source else "") if part]
+    given = [f'"{one.file}"' for one in files if one.what in ("data", "input")]
+    given += [type(one).__name__ for one in known if one.origin is None]
+    listed = len(given) > 1 and called not in ("trunnion.compare", "trunnion.compare_methods")
+    effects = [f'"{one.file}"' for one in files if one.what == "effects"]
+    parts = [f"[{', '.join(given)}]" if listed else ", ".join(given)]
+    set_ups = [f'"{one.file}"' for one in files if one.what == "set-up"]
+    if set_ups:
+        several = f"[{', '.join(set_ups)}]" if len(set_ups) > 1 else set_ups[0]
+        parts.append(several if called == "trunnion.diagnose" else f"setup={several}")
+    parts += [f"effects=[{', '.join(effects)}]"] if effects else []
     script = Path(sys.argv[0]).name if sys.argv and sys.argv[0] else "an interactive session"
-    return f"{called}({', '.join(parts)})  # Python, in {script}"
+    return f"{called}({', '.join(filter(None, parts))})  # Python, in {script}"

@@ -22,7 +22,8 @@ import numpy as np
 
 from trunnion.base.errors import FileFormatError, InputError, TrunnionError
 from trunnion.base.output import write_text
-from trunnion.base.record import Record, hold_record, record_of
+from trunnion.base.read_files import as_read
+from trunnion.base.record import Record, hold_files, hold_record, record_of
 from trunnion.base.saved import Columns, Saved, dataframe
 from trunnion.base.stored import fitting, plain, read_json, structured
 
@@ -352,6 +353,8 @@ class Result(Saved):
                 found = cls.from_dict(values)
                 # Arrays that do not fit each other, and no covariances, are found here.
                 found.summary()
+                if (read := as_read(where, "input")) and where != "JSON":
+                    hold_files(found, [read])
                 if "record" in values:  # an older version wrote none
                     hold_record(found, structured(values["record"], Record))
                 return found

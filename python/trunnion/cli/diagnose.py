@@ -11,6 +11,7 @@ import typer
 import trunnion as tn
 from trunnion.base.output import check_folder
 from trunnion.base.progress import tracked
+from trunnion.base.read_files import as_read
 from trunnion.base.record import Record, hold_record
 from trunnion.cli.command import Answer, Html, Output, check_outputs, command, save, save_result
 from trunnion.cli.given import sort_files
@@ -241,7 +242,8 @@ def _diagnosed(data: Any, setup: tn.Setup | None, effects: list[str]) -> Diagnos
     d = tn.diagnose(data, setup, effects=found)
     d = replace(d, notes=(*idle, *d.notes))
     if files := [one for one in effects if Path(one).exists()]:
-        hold_record(d, Record.of(d, inputs=files))
+        read = [as_read(one, "effects") or one for one in files]
+        hold_record(d, Record.of(d, inputs=read))
     return d
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from trunnion.base.checks import choose, nearest
 from trunnion.base.errors import DataError
 from trunnion.base.recognition import all_displayed
+from trunnion.base.record import files_of, hold_files
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.data.distinct import own_cycles
 from trunnion.data.iso230_2 import Iso2302, Iso2302Rotary
@@ -159,7 +160,9 @@ class Positioning(Table):
         self.check_units()
         own = own_cycles(self)
         result = own.data._results()
-        return replace(result, notes=(*own.notes, *result.notes))
+        result = replace(result, notes=(*own.notes, *result.notes))
+        hold_files(result, files_of(self))
+        return result
 
     def _results(self) -> Any:
         """Return the results of stops that are all readings of their own."""

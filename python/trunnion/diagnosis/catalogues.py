@@ -15,6 +15,8 @@ from trunnion.base.arguments import checked
 from trunnion.base.checks import choose
 from trunnion.base.errors import FileFormatError, InputError, UnknownNameError
 from trunnion.base.output import write_text
+from trunnion.base.read_files import as_read
+from trunnion.base.record import hold_files
 from trunnion.diagnosis.formula import FormulaEffect
 from trunnion.diagnosis.formula_checks import needed, remember_places
 from trunnion.diagnosis.own_effects import acting_in
@@ -123,6 +125,8 @@ def read_effects(path: str | PathLike[str], data: Any = None) -> tuple[FormulaEf
         if name in ids[:i]:
             where = ("effect", i, "id")
             raise text.error(where, f"got {name!r} twice, expected each id once", at_value=True)
+    for one in found:
+        hold_files(one, [read] if (read := as_read(path, "effects")) else [])
     return tuple(found) if data is None else _effects_on(found, data)
 
 

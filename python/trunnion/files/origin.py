@@ -10,6 +10,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from trunnion.base.errors import InputError
+from trunnion.base.read_files import RecordedFile, as_read
+from trunnion.base.stored import structured
 from trunnion.base.units import Integers
 from trunnion.files.recognised import Recognised
 
@@ -43,6 +45,8 @@ class Origin:
         What each of the files was taken for; empty where that is not known.
     touch
         Number of each row in the plan that it is of, from 1, (n,); 0: of none. None: no plans.
+    read
+        Each of the files as it was when it was read; empty where that is not known.
     """
 
     files: tuple[str, ...]
@@ -50,6 +54,15 @@ class Origin:
     line: Integers
     recognised: tuple[Recognised | None, ...] = ()
     touch: Integers | None = None
+    read: tuple[RecordedFile | None, ...] = ()
+
+    @classmethod
+    def of(
+        cls, file: str, line: Integers, recognised: Recognised | None, touch: Integers | None
+    ) -> Origin:
+        """Return the origin of rows of one file, which its reader has read a moment ago."""
+        read = as_read(file, "data")
+        return cls((file,), np.zeros(len(line), dtype=np.intp), line, (recognised,), touch, (read,))
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any], rows: int) -> Origin:
@@ -70,7 +83,8 @@ class Origin:
         ):
             raise InputError(f"origin: got {dict(values)!r:.60}, expected file and line a row")
         known = tuple(r and Recognised.from_dict(r) for r in values.get("recognised", ()))
-        return cls(files, file, line, known, touch)
+        read = tuple(r and structured(r, RecordedFile) for r in values.get("read", ()))
+        return cls(files, file, line, known, touch, read)
 
     def __getitem__(self, index: Any) -> Origin:
         """Return the origin of some rows."""
@@ -106,13 +120,21 @@ class Origin:
             file.append(np.append(number, -1)[table.origin.file])
             line.append(table.origin.line)
         known = {f: r for t in tables if t.origin for f, r in t.origin._recognised.items()}
+        read = {f.file: f for t in tables if t.origin for f in t.origin.as_read()}
         return cls(
             tuple(files),
             np.concatenate(file),
             np.concatenate(line),
             tuple(known.get(name) for name in files),
             np.concatenate(touch) if any(map(np.any, touch)) else None,
+            tuple(read.get(name) for name in files),
         )
+
+    def as_read(self) -> tuple[RecordedFile, ...]:
+        """Return the files as they were when they were read."""
+        read = self.read or (None,) * len(self.files)
+        pairs = zip(self.files, read, strict=False)
+        return tuple(r or RecordedFile.unknown(file, "data") for file, r in pairs)
 
     @property
     def _recognised(self) -> dict[str, Recognised]:

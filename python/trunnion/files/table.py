@@ -259,8 +259,7 @@ class Table(Saved):
         if line.shape != (len(self),):
             raise InputError(f"lines: got {line.size}, expected one a row, {len(self)}")
         touch = None if touches is None else np.asarray(touches, dtype=np.intp)
-        origin = Origin((file,), np.zeros(len(line), dtype=np.intp), line, (recognised,), touch)
-        return self._of(self._columns, origin, self._began)
+        return self._of(self._columns, Origin.of(file, line, recognised, touch), self._began)
 
     @property
     def began(self) -> datetime | None:

@@ -14,6 +14,8 @@ from trunnion.base.arguments import checked
 from trunnion.base.checks import whole
 from trunnion.base.errors import InputError, TrunnionError
 from trunnion.base.progress import progress_bar
+from trunnion.base.read_files import RecordedFile, as_read
+from trunnion.base.record import hold_files
 from trunnion.base.report import Cell, Result, Table, significant
 from trunnion.base.stored import fitting
 from trunnion.base.workers import cores, map_processes
@@ -238,7 +240,11 @@ def diagnose_many(
     with progress_bar("diagnose", len(tasks), 0, progress) as advance:
         results = map_processes(_Task.run, tasks, count, advance)
     names = tuple(_name_of(one, place) for place, one in enumerate(data))
-    return DiagnosisBatch(names, tuple(results))
+    made = DiagnosisBatch(names, tuple(results))
+    failed = [one for one, its in zip(data, made, strict=True) if isinstance(its, FailedDiagnosis)]
+    paths = [one for one in failed if isinstance(one, str | PathLike)]
+    hold_files(made, [as_read(one, "data") or RecordedFile.now(one, "data") for one in paths])
+    return made
 
 
 def _setups(setup: Any, count: int) -> list[Any]:

@@ -14,7 +14,8 @@ from typing import Any
 import tomli_w
 
 from trunnion._core import __version__
-from trunnion.base.record import Record, RecordedFile, held_record, record_of
+from trunnion.base.read_files import RecordedFile
+from trunnion.base.record import Record, held_record, record_of
 from trunnion.base.report import Result, Table
 from trunnion.data.levels import Levels
 from trunnion.data.points import Points
@@ -160,8 +161,8 @@ class Source:
 
     def _file_of(self, setup: Setup) -> str:
         """Text of the file of the set-up; empty without one, or where it has changed since."""
-        known = {one.sha256 for one in self.record.files} if self.stored and self.record else set()
-        if known and RecordedFile.of(setup.source, "set-up").sha256 not in known:
+        known = {one.sha256 for one in self.record.files} if self.record else set()
+        if known and RecordedFile.now(setup.source, "set-up").sha256 not in known:
             return ""
         try:
             return Path(setup.source).read_text(encoding="utf-8-sig") if setup.source else ""
@@ -181,8 +182,7 @@ class Source:
         if not found:
             return []
         rows = [(one.file, one.what, one.bytes, one.changed) for one in found]
-        of = f"the result was stored, {record.written}" if self.stored else ""
-        title = f"Files, as they were when {of or 'this report was written'}"
+        title = "Files, as they were when they were read"
         sums = "\n".join(f"{one.sha256}  {one.file}" for one in found if one.sha256)
         listed: list[Item] = (
             ["SHA-256 checksums (sha256sum -c checks them):", Listing(sums)] if sums else []

@@ -19,6 +19,7 @@ from trunnion.base.arguments import checked
 from trunnion.base.checks import choose, instance, named, with_article, within
 from trunnion.base.errors import InputError
 from trunnion.base.frozen import FrozenMapping
+from trunnion.base.read_files import RecordedFile
 from trunnion.setup.agreement import check
 from trunnion.setup.artefact import UNCERTAINTY, Artefact
 from trunnion.setup.control import ControlSetup
@@ -210,7 +211,7 @@ PARTS: Mapping[str, type[Part]] = {
 class Setup:
     """A whole set-up; ``print(setup)`` lists every key with its value, unit and meaning.
 
-    `source` is the file that it was read from.
+    `source` is the file that it was read from, `read_as` that file as it was then.
 
     Examples
     --------
@@ -235,6 +236,7 @@ class Setup:
     hybrid: Mapping[str, Any] = field(default_factory=dict)
     rotary_test: Mapping[str, Any] = field(default_factory=dict)
     source: str = field(default="", compare=False, repr=False)
+    read_as: RecordedFile | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         """Check the types of the parts and the names of the axes."""

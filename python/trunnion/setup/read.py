@@ -7,6 +7,7 @@ from os import PathLike
 from typing import Any
 
 from trunnion.base.arguments import checked
+from trunnion.base.read_files import as_read
 from trunnion.files.toml import TomlText
 from trunnion.setup.artefact import DIMENSIONS, Artefact, names_of
 from trunnion.setup.fields import Section, keys_of
@@ -58,6 +59,7 @@ def setup_of(content: Mapping[str, Any], file: TomlText | None = None) -> Setup:
             **built,
             **processes,
             source="" if file is None else file.path,
+            read_as=None if file is None else as_read(file.path, "set-up"),
         )
 
 
