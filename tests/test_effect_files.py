@@ -78,3 +78,17 @@ def test_what_is_written_states_its_formula_whole(tmp_path: Path) -> None:
     for one in (effect, replace(effect, shape="jump", number=0.0)):
         path = tn.write_effects(tmp_path / "effects.toml", [one])
         assert tn.read_effects(path) == (one,)
+
+
+def test_an_effect_of_other_data_and_a_deleted_line_are_said_so(tmp_path: Path) -> None:
+    path = tmp_path / "e.toml"
+    effect = tn.FormulaEffect("third", "Ballbar", covariate="angle in the XY plane", unit="deg",
+                              component="", shape="harmonic", number=3)  # fmt: skip
+    text = tn.write_effects(path, [effect]).read_text("utf-8")
+    points = tn.read_points(tn.sample_path("plate/first.csv"))
+    said = "data: got an effect of Ballbar for measured Points, expected measured Ballbar"
+    with pytest.raises(tn.FileFormatError, match=said):
+        tn.diagnose(points, effects=tn.read_effects(path))
+    path.write_text(text.replace("number = 3\n", "").replace("number = 3.0\n", ""), "utf-8")
+    with pytest.raises(tn.FileFormatError, match=r"got 0, .* \(was the line number deleted\?\)"):
+        tn.read_effects(path)

@@ -201,3 +201,17 @@ def test_a_file_of_effects_is_recorded(tmp_path: Path) -> None:
     assert (
         json.loads((tmp_path / "d.json").read_text("utf-8"))["record"]["files"] == record["files"]
     )
+
+
+def test_stored_results_and_data_that_are_read_as_measured_data_are_named(tmp_path: Path) -> None:
+    d, data = tmp_path / "d.json", tmp_path / "data.json"
+    tn.diagnose(tn.read_ballbar(BAR)).to_json(d, indent=2)
+    tn.read_ballbar(BAR).to_json(data)
+    with pytest.raises(
+        tn.FileFormatError, match=r"a stored result \(Diagnosis\).*from_json\("
+    ) as e:
+        tn.read(d)
+    assert 'to_html("report.html")' in str(e.value)
+    with pytest.raises(tn.FileFormatError, match=r"stored data \(Ballbar\).*Ballbar.from_json\("):
+        tn.read(data)
+    assert "from_json" in run("diagnose", str(d), code=2)

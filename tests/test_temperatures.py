@@ -64,3 +64,30 @@ def test_the_report_says_that_temperatures_are_recorded(tmp_path: Path) -> None:
     assert "alignment and temperature are not in it: nothing is stated" not in page
     assert "20.0 to 24.0 °C" in page
     assert "4.0 K more" in page
+
+
+def turned(run: tn.Positioning) -> tn.Positioning:
+    """The same stops and deviations as of a rotary axis, in degrees."""
+    return tn.Positioning(
+        target_deg=run.target * 0.7,
+        measured_deg=run.target * 0.7 + (run.measured - run.target),
+        direction=run.direction,
+        cycle=run.columns["cycle"],
+        axis=["C"] * len(run),
+        temperature_c=run.columns["temperature_c"],
+    )
+
+
+def test_a_uniform_temperature_changes_no_angle() -> None:
+    first, second = (turned(run_of(0, 30.0, 20.0)), turned(run_of(20, 76.0, 24.0)))
+    found = tn.diagnose([first, second])
+    assert any("change_scale" in cause.id for cause in found.causes)
+    assert not notes(found)
+    assert "thermal expansion" not in tn.compare(first, second).summary()
+
+
+def test_kelvin_are_asked_about() -> None:
+    first, second = run_of(0, 30.0, 293.2), run_of(20, 76.0, 297.2)
+    assert "are these K, not °C?" in notes(tn.diagnose([first, second]))[0]
+    assert "are these K, not °C?" in tn.compare(first, second).summary()
+    assert "are these K" not in tn.compare(run_of(0, 30.0, 20.0), run_of(2, 76.0, 24.0)).summary()

@@ -173,8 +173,11 @@ def _effect(text: TomlText, i: int, table: Any) -> FormulaEffect:
     try:
         made = FormulaEffect(**values)
     except InputError as error:  # "number: got ...", "low, high: got ..."
-        keys = [k for k in str(error).partition(":")[0].split(", ") if k in table]
-        raise text.error(("effect", i, *keys[:1]), str(error), at_value=bool(keys)) from error
+        named = str(error).partition(":")[0].split(", ")
+        keys = [k for k in named if k in table]
+        gone = [k for k in named if k in _FIELDS and k not in table]
+        said = f"{error}{f' (was the line {gone[0]} deleted?)' if gone else ''}"
+        raise text.error(("effect", i, *keys[:1]), said, at_value=bool(keys)) from error
     if lacking := [name for name in needed(made) if name not in values]:
         older = ", ".join(f"{name} = {json.dumps(_FIELDS[name].default)}" for name in lacking)
         raise text.error(

@@ -325,8 +325,8 @@ class FormulaEffect:
             another unit; a wave of a period that is sought and shorter than two steps of s.
         """
         if type(data).__name__ != self.data:
-            got = type(data).__name__
-            raise wrong(self, "data", f"data: got {got}, expected {self.data}")
+            got = f"an effect of {self.data} for measured {type(data).__name__}"
+            raise wrong(self, "data", f"data: got {got}, expected measured {self.data}")
         if described is None:
             described = importlib.import_module("trunnion.models.kinds").described(data)
         check_dependence(self, described)

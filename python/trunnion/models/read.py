@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -111,6 +112,7 @@ def read(
         raise InputError(f"{data}: got a set-up (.toml), expected measured data (tn.read_setup)")
     source = Source.of(data, options.sheet)
     refuse_probe_log(source)
+    _refuse_stored(source)
     found = next((each for each in FORMATS if each.matches(source)), None)
     if found is None and columns is None:
         return _plain(data, source, kind, options)
@@ -355,3 +357,24 @@ def _said(given: Any) -> str:
         return given[0]
     values = np.asarray(given)
     return f"{values.item()!r} in every row" if values.ndim == 0 else "values of the call"
+
+
+def _refuse_stored(source: Source) -> None:
+    """Raise FileFormatError for JSON of a result or of data, which other readers bring back."""
+    if not source.lines or not source.lines[0].lstrip().startswith("{"):
+        return
+    try:
+        values = json.loads("\n".join(source.lines))
+    except (ValueError, RecursionError):
+        return  # what it is then is said by the reader of columns
+    kind = str(values.get("result") or values.get("data") or "")
+    if not kind.isidentifier():
+        return
+    what = "a stored result" if "result" in values else "stored data"
+    page = ', its method to_html("report.html") writes the report' if "result" in values else ""
+    raise source.error(
+        0,
+        0,
+        f"got {what} ({kind}), expected measured data: "
+        f'trunnion.{kind}.from_json("{source.name}") brings it back{page}',
+    )

@@ -19,6 +19,7 @@ COLUMN = "temperature_c"
 WITH_TEMPERATURE = "goes with a change of temperature"
 MIN_K = 0.1  # difference of temperatures from which it is stated: thermometers of shops
 MATERIALS = "steel has about 11.5 ppm/K, aluminium 23, scales of glass 8 to 10"
+MAX_SHOP_C = 100.0  # mean of a measurement, above which it is no temperature of a shop
 MAX_PPM_K = 40.0  # of materials that machines are made of
 
 
@@ -30,6 +31,16 @@ def mean_temperature(data: Any) -> float | None:
     found = np.asarray(values)
     mean = float(found.mean()) if found.dtype.kind in "fiu" else float("nan")
     return mean if np.isfinite(mean) else None
+
+
+def _of_angles(data: Any) -> bool:
+    """Whether readings are angles, which a uniform temperature does not change."""
+    return bool(getattr(data, "rotary", False))
+
+
+def _asked(*means: float) -> str:
+    """Ask whether temperatures are absolute ones; empty where they may be °C."""
+    return "; are these K, not °C?" if max(means) > MAX_SHOP_C else ""
 
 
 def expansion_of(change: str, ppm: float, std: float, ends: Sequence[tuple[str, float]]) -> str:
@@ -44,9 +55,10 @@ def expansion_of(change: str, ppm: float, std: float, ends: Sequence[tuple[str, 
         return ""
     rate, spread = ppm / kelvin, abs(std / kelvin)
     more = f"{abs(kelvin):.1f} K {'more' if kelvin > 0 else 'less'}"
+    asked = _asked(cold, warm)
     text = (
         f"{capital(change)} {WITH_TEMPERATURE} ({COLUMN}): {cold:.1f} °C in "
-        f"{before}, {warm:.1f} °C in {after}, {more}. As a thermal expansion it "
+        f"{before}, {warm:.1f} °C in {after}, {more}{asked}. As a thermal expansion it "
         f"would be {plus_minus(rate, spread)} ppm/K ({MATERIALS})"
     )
     if not -MAX_PPM_K / 4 < rate < MAX_PPM_K:
@@ -60,6 +72,8 @@ def temperature_notes(found: Diagnosis, model: JointModel, data: Sequence[Any]) 
     data: Of each part of the model.
     """
     names = [part.name for part in model.parts]
+    if any(map(_of_angles, data)):
+        return
     for cause in found.causes:
         of = JointId.of(cause.id)
         if of.happened is None or "ppm" not in cause.parameters or of.measurement not in names:
@@ -85,6 +99,8 @@ def with_temperatures(found: MachineComparison, data: Sequence[Any]) -> MachineC
     data: Of each measurement; none where they are not known.
     """
     known = [mean_temperature(one) for one in data]
+    if any(map(_of_angles, data)):
+        return found
     if len(known) != len(found.names) or known[0] is None or known[-1] is None:
         return found
     ends = ((found.names[0], known[0]), (found.names[-1], known[-1]))
@@ -104,4 +120,4 @@ def recorded(data: Any) -> str:
         return ""
     low, high = min(known), max(known)
     span = f"{low:.1f} °C" if high - low < MIN_K else f"{low:.1f} to {high:.1f} °C"
-    return f"{span} (column {COLUMN}, mean of a measurement)"
+    return f"{span} (column {COLUMN}, mean of a measurement{_asked(*known)})"
