@@ -93,3 +93,63 @@ def test_the_date_goes_with_the_data(tmp_path: Path) -> None:
         assert pickle.loads(pickle.dumps(made)).began == when
     assert read.with_columns(time_s=np.arange(float(len(read)))).began is None
     assert stops(1, 30.0).began is None
+
+
+@pytest.mark.parametrize("zone", ["", "+00:00", "+02:00"])
+def test_dates_come_back_from_files(zone: str, tmp_path: Path) -> None:
+    read: Any = tn.read(saved(tmp_path, "old.csv", "2026-05-01T00:00:00.25" + zone))
+    for name in ("a.csv", "a.parquet", "a.xlsx", "a.json"):
+        path = read.save(tmp_path / name)
+        again = tn.Positioning.from_json(path) if path.suffix == ".json" else tn.read(path)
+        assert again.began == read.began, name
+        np.testing.assert_array_equal(again.time_s, read.time_s)
+        assert again == read or path.suffix == ".xlsx"  # which has 16 digits
+    part: Any = read[4:]
+    part.to_csv(tmp_path / "part.csv")
+    again = tn.read(tmp_path / "part.csv")
+    assert (again.began - read.began).total_seconds() == part.time_s[0]
+    assert again.time_s == pytest.approx(part.time_s - part.time_s[0])
+    plain = stops(1, 30.0)
+    plain.to_csv(tmp_path / "plain.csv")
+    assert tn.read(tmp_path / "plain.csv") == plain
+    assert "began" not in plain.to_json()
+
+
+def test_dates_come_back_with_a_diagnosis() -> None:
+    data = tn.Positioning(dated(stops(6, 30.0), "2026-05-01"))
+    found = tn.Diagnosis.from_json(tn.diagnose(data).to_json())
+    assert found.data.began == data.began
+
+
+def test_tables_that_are_joined_have_one_clock() -> None:
+    old: Any = tn.Positioning(dated(stops(7, 30.0), "2025-05-01"))
+    new: Any = tn.Positioning(dated(stops(7, 30.0), "2026-05-01"))
+    whole: Any = tn.Positioning.concatenate([old, new])
+    year = 365 * 86400.0
+    assert whole.began == old.began
+    np.testing.assert_array_equal(whole.time_s, np.r_[old.time_s, new.time_s + year])
+    back = tn.Positioning.concatenate([new, old])
+    np.testing.assert_array_equal(back.time_s, np.r_[new.time_s, old.time_s - year])
+    halves = tn.Positioning.concatenate([old[:9], old[9:]])
+    assert halves == old
+    assert halves.began == old.began
+    plain = stops(7, 30.0)
+    zoned = tn.Positioning(dated(stops(7, 30.0), "2026-05-01T00:00:00+02:00"))
+    for pair in ([old, plain], [plain, new], [old, zoned]):
+        mixed = tn.Positioning.concatenate(pair)
+        assert mixed.began is None
+        np.testing.assert_array_equal(mixed.time_s, np.r_[plain.time_s, plain.time_s])
+
+
+def test_a_frame_with_a_time_zone_is_taken() -> None:
+    frame = dated(stops(8, 30.0), "2026-05-01T00:00:00+02:00")
+    made = tn.Positioning(frame)
+    assert made == stops(8, 30.0)
+    assert made.began == datetime.fromisoformat("2026-05-01T00:00:00+02:00")
+    assert tn.Positioning(frame.assign(time_s=[t.to_pydatetime() for t in frame["time_s"]])) == made
+    assert tn.diagnose(frame).verdict
+    frame.loc[3, "time_s"] = pd.NaT
+    with pytest.raises(
+        tn.InputError, match=r"^time_s \(row 3\): got .* expected a date with a time"
+    ):
+        tn.Positioning(frame)

@@ -369,6 +369,9 @@ def raw_array(values: ArrayLike, name: str) -> NDArray[Any]:
             return np.datetime_as_string(array).astype(object)
         if array.dtype.kind not in "fiub":  # numpy would turn mixed values into text
             array = np.array(values, dtype=object)
+            if array.ndim == 1:  # dates with a time zone are objects in pandas, too
+                said = [v.isoformat() if isinstance(v, datetime) else v for v in array.tolist()]
+                array = np.fromiter(said, dtype=object, count=len(said))
     except ValueError:
         raise ColumnError(name, None, "rows of different lengths", "one value a row") from None
     if array.ndim != 1:

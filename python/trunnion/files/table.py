@@ -12,7 +12,6 @@ that says what the column holds and checks it, and gives the array back as an at
 same words, serve the constructor and the file reader.
 """
 
-import html
 import io
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -32,16 +31,16 @@ from trunnion.base.saved import Columns, Gridded, Saved, dataframe
 from trunnion.base.stored import fitting, plain, read_json
 from trunnion.files.columns import Column, ColumnError, first_stamp, has_break, natural, raw_array
 from trunnion.files.csv_file import TIME, write_columns
+from trunnion.files.dates import clocks_apart, on_one_clock, with_dates
 from trunnion.files.origin import FROM_0, Origin, places
 from trunnion.files.recognised import Recognised
+from trunnion.files.table_html import html_table
 
 if TYPE_CHECKING:
     import pandas as pd
 
 Rows: TypeAlias = int | slice | Sequence[int] | Sequence[bool] | NDArray[Any]
 """What chooses rows: a number, a slice, numbers, a mask."""
-
-MAX_HTML_ROWS = 12
 
 
 class ColumnMapping(Protocol):
@@ -353,7 +352,10 @@ class Table(Saved):
 
     @classmethod
     def concatenate(cls, tables: Iterable[Self]) -> Self:
-        """Put tables with the same columns one below the other."""
+        """Put tables with the same columns one below the other.
+
+        Times of tables whose dates are all known count from 0 of the first one's clock.
+        """
         parts = list(tables)
         if not parts:
             raise InputError("tables: got none, expected at least one")
@@ -365,12 +367,15 @@ class Table(Saved):
                     f"first, {', '.join(names)}"
                 )
         joined: dict[str, NDArray[Any]] = {}
+        began, begin_s = clocks_apart([part.began for part in parts])
         for name in names:
             columns = [part.columns[name] for part in parts]
             if any(column.dtype.kind == "U" for column in columns):
                 columns = [column.astype(np.str_) for column in columns]
+            if name == TIME and any(begin_s) and all(c.dtype.kind == "f" for c in columns):
+                columns = on_one_clock(columns, begin_s)
             joined[name] = np.concatenate(columns)
-        return cls._of(joined, Origin.joined(parts))
+        return cls._of(joined, Origin.joined(parts), began)
 
     # --- out
 
@@ -380,7 +385,7 @@ class Table(Saved):
 
     def sheets(self) -> Mapping[str, Columns]:
         """Return the columns as one table: what a workbook or Parquet holds."""
-        return {type(self).__name__: self._columns}
+        return {type(self).__name__: with_dates(self._columns, self._began, TIME)}
 
     @overload
     def to_csv(self) -> str: ...
@@ -389,19 +394,21 @@ class Table(Saved):
     def to_csv(self, path: str | PathLike[str] | TextIO | None = None) -> str | None:
         """Write the table to a file, or return it as text; it reads back as an equal table.
 
+        Times that were dates are written as dates, and count from the first row when read.
         A file that is there already is replaced once the new one is whole.
         """
+        columns = with_dates(self._columns, self._began, TIME)
         if path is None:
             buffer = io.StringIO()
-            write_columns(self._columns, buffer)
+            write_columns(columns, buffer)
             return buffer.getvalue()
         if not hasattr(path, "write"):
             path = path_of(path)
         if isinstance(path, str | PathLike):
             with whole_file(path) as draft, draft.open("w", encoding="utf-8", newline="\n") as file:
-                write_columns(self._columns, file)
+                write_columns(columns, file)
         else:
-            write_columns(self._columns, path)
+            write_columns(columns, path)
         return None
 
     def to_dataframe(self) -> "pd.DataFrame":
@@ -428,6 +435,8 @@ class Table(Saved):
         made: dict[str, Any] = {"data": type(self).__name__, "columns": self.to_dict()}
         if self._origin is not None:
             made["origin"] = plain(self._origin)
+        if self._began is not None:
+            made["began"] = self._began.isoformat()
         return made
 
     @classmethod
@@ -438,9 +447,9 @@ class Table(Saved):
             raise InputError(f"data: got {got!r}, expected {cls.__name__!r}")
         with fitting(cls.__name__):
             made = cls(values.get("columns", {}))
-            if (origin := values.get("origin")) is None:
-                return made
-            return cls._of(made._columns, Origin.from_dict(origin, len(made)))
+            origin, began = values.get("origin"), first_stamp([values.get("began")])
+            known = None if origin is None else Origin.from_dict(origin, len(made))
+            return cls._of(made._columns, known, began)
 
     @classmethod
     def from_json(cls, source: str | PathLike[str]) -> Self:
@@ -465,23 +474,7 @@ class Table(Saved):
         )
 
     def _repr_html_(self) -> str:
-        count = len(self)
-        half = MAX_HTML_ROWS // 2
-        shown: list[int | None] = list(range(count))
-        if count > MAX_HTML_ROWS:
-            shown = [*range(half), None, *range(count - half + 1, count)]
-        head = "".join(f"<th>{html.escape(name)}</th>" for name in self._columns)
-        body = "".join(f"<tr>{self._html_row(row)}</tr>" for row in shown)
-        return (
-            f"<table><caption>{type(self).__name__}, {count} rows</caption>"
-            f"<thead><tr><th></th>{head}</tr></thead><tbody>{body}</tbody></table>"
-        )
-
-    def _html_row(self, row: int | None) -> str:
-        if row is None:
-            return "<td>…</td>" * (len(self._columns) + 1)
-        fields = (_html_field(values[row]) for values in self._columns.values())
-        return f"<th>{row}</th>" + "".join(f"<td>{field}</td>" for field in fields)
+        return html_table(type(self).__name__, self._columns, len(self))
 
 
 def _restored(
@@ -492,7 +485,3 @@ def _restored(
 ) -> Table:
     """Unpickle a table."""
     return kind._of(columns, origin, began)
-
-
-def _html_field(value: Any) -> str:
-    return html.escape(f"{value:.10g}" if isinstance(value, np.floating) else str(value))
