@@ -36,8 +36,7 @@ from trunnion.diagnosis.own_effects import with_own
 from trunnion.machine.effects import EffectInfo, Owner, senses
 from trunnion.machine.estimate import Estimate
 from trunnion.machine.geometry import made_with
-from trunnion.models.ballbar.effects import ballbar_length
-from trunnion.models.ballbar.model import MIN_REACH
+from trunnion.models.ballbar.effects import MIN_REACH, ballbar_length
 from trunnion.models.rotary.motions import MIN_OF_A_SENSE, periods
 from trunnion.models.warming import warmup
 from trunnion.probing.rotary_acting import SENSORS, sensors_of

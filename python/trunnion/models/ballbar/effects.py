@@ -40,6 +40,8 @@ OF_POSITIONING = (
     "{0} says which it is"
 )
 """What circles in one plane show as an arc of the other guide: x² and y² add up to a constant."""
+MIN_REACH = 1e-3
+"""Share of the bar along an axis, from which it shows the centre there."""
 MIN_PITCH_MM = 4.0
 MAX_MOMENTS = 48
 DECAY_RATIO = 1.6  # of neighbours on the grid of decays
@@ -143,9 +145,14 @@ class Slip:
     enters: Floats
 
     def columns(self, values: Mapping[str, float]) -> Floats:
-        """Shape (n, k)."""
+        """Shape (n, k); along an axis that the bar does not reach afterwards nothing is shown.
+
+        What is left of it there is the fitted centre's part, however small: sizes of it would be
+        metres, and not "not identifiable".
+        """
         after = from_then_on(values[self.name], self.when, self.group)
-        return np.asarray(self.enters * after[:, None])
+        shown = self.enters * after[:, None]
+        return np.where(np.abs(shown).max(axis=0) > MIN_REACH, shown, 0.0)
 
     def slopes(self, _: Mapping[str, float]) -> Floats:
         """No derivative by the moment, shape (n, 1)."""

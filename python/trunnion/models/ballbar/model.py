@@ -32,6 +32,7 @@ from trunnion.machine.estimate import Estimate
 from trunnion.machine.linear_axes import LinearMotion, Travel
 from trunnion.models.ballbar.effects import (
     BAR_LENGTH,
+    MIN_REACH,
     SHIFT,
     Bar,
     ballbar_length,
@@ -47,7 +48,6 @@ from trunnion.setup import Setup
 SENSES = ((1.0, "counter-clockwise"), (-1.0, "clockwise"))
 FIRST_ORDER_NOISE_UM = 0.03  # of an instrument that shows 0.1 µm; formulas to first order miss less
 MAX_SPREAD_UM = 500.0  # of commanded lengths, about their nominal one
-MIN_REACH = 1e-3  # share of the bar along an axis, from which it shows the centre there
 
 POINTS_KEPT = 4  # the start, to which every fit returns, and the last ones
 TRIAL_NUMBERS = 1 << 20  # readings of the trial values that are compared at once
