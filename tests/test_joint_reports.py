@@ -73,3 +73,47 @@ def test_a_picture_over_a_quantity_holds_the_readings_that_have_it(tmp_path: Pat
     assert "Deviations by target (positioning 2)" in text
     assert "positioning:offset" not in text
     assert "no advice is known" not in text
+
+
+def stops_of(seed: int, scale_ppm: float) -> tn.Positioning:
+    """Five cycles of stops of X over 500 mm."""
+    rng, there = np.random.default_rng([7, seed]), np.linspace(0.0, 500.0, 11)
+    target = np.tile(np.concatenate([there, there[::-1]]), 5)
+    return tn.Positioning(
+        target_mm=target,
+        measured_mm=target * (1 + 1e-6 * scale_ppm) + 3e-4 * rng.standard_normal(len(target)),
+        direction=np.tile(np.repeat([1, -1], 11), 5),
+        cycle=np.repeat(np.arange(1, 6), 22),
+        axis=["X"] * len(target),
+    )
+
+
+def test_a_cause_of_all_runs_is_drawn_over_what_each_of_them_records() -> None:
+    """The scale of three runs "depends on no single recorded quantity": each has its targets."""
+    d = tn.diagnose([stops_of(i, 30.0) for i in range(3)])
+    picture = cause_picture(d, "scale_x")
+    assert picture.x.label == "Target position"
+    assert len(picture.series[0].x) == 330
+
+
+def test_what_happened_in_one_measurement_is_drawn_over_what_varies_there() -> None:
+    """EX0C of one date alone was drawn over its feed, 600 mm/min in every touch."""
+    setup = tn.read_setup(tn.sample_path("cross/setup.toml"))
+    plan = tn.plan(setup)
+    dates = [
+        tn.simulate(plan, setup, errors={"EX0C": size}, noise_um=0.3, seed=i)
+        for i, size in enumerate((15.0, 21.0, 15.0, 15.0), start=1)
+    ]
+    d = tn.diagnose(dates, setup)
+    once = [cause.id for cause in d.causes if cause.id == "touches 2:once_EX0C"]
+    assert once
+    picture = cause_picture(d, once[0])
+    drawn = picture.series[0]
+    assert len(set(np.round(drawn.x))) > 1
+    assert "eed" not in picture.x.label
+    assert len(drawn.x) <= len(dates[1])
+
+
+def test_sizes_are_written_as_people_write_them() -> None:
+    assert meaning("scale_x", {"ppm": 530.0}, 300.0).endswith("160 µm over 300 mm")
+    assert meaning("scale_x", {"ppm": 5.3}, 300.0).endswith("1.6 µm over 300 mm")

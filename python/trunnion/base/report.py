@@ -54,6 +54,12 @@ def number(value: float | None, digits: int = 4) -> str:
     return text.replace("-", "−") if float(text) != 0 else f"{0:.{digits}f}"
 
 
+def rough(value: float) -> str:
+    """Return a number to two digits as people write it: 0.012, 1.6, 160."""
+    text = f"{value:.2g}"
+    return f"{float(text):.0f}" if "e+" in text else text
+
+
 def left_text(size: float) -> str:
     """Return an error that is left, µm or arcsec, as text: rounding of the computer is none."""
     return f"less than {SHOWN:g}" if size < SHOWN else f"{size:.3g}"

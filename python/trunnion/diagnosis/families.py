@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from trunnion.base.report import rough
 from trunnion.base.units import ARCSEC, unit_of
 from trunnion.diagnosis.joint_ids import Happened, JointId
 from trunnion.machine.effects import Owner
@@ -352,7 +353,7 @@ def meaning(id_: str, parameters: Mapping[str, float], travel_mm: float | None =
         return words
     if family.over == "radius":
         radial = float(np.hypot.reduce(values)) * ratio * RADIUS_MM * 1e3
-        return f"{radial:.2g} µm at a radius of {RADIUS_MM:g} mm"
+        return f"{rough(radial)} µm at a radius of {RADIUS_MM:g} mm"
     length = travel_mm or LENGTH_MM
-    size = f"{abs(values[0]) * ratio * length * 1e3:.2g} µm over {length:.3g} mm"
+    size = f"{rough(abs(values[0]) * ratio * length * 1e3)} µm over {length:.3g} mm"
     return f"{words}: {size}" if words else size

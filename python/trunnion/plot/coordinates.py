@@ -11,9 +11,10 @@ the direction, and readings with either sign fall on one curve.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.linalg import solveh_banded
@@ -174,7 +175,8 @@ def coordinate_of(
         return None
     if len(at) > MAX_READINGS:
         at = at[:: -(-len(at) // MAX_READINGS)]
-    pairs = _pairs([*covariates, *_directions(weights)], weights)
+    every = _pairs([*covariates, *_joined(covariates), *_directions(weights)], weights)
+    pairs = [(made, cost) for made, cost in every if _varies(made.x, at[made.clear()[at]])]
     for nodes in NODES:
         found = []
         for made, cost in pairs:
@@ -192,6 +194,30 @@ def coordinate_of(
             share, _, made = min(good, key=lambda entry: entry[1])
             return replace(made, share=share)
     return None
+
+
+def _joined(covariates: Sequence[Covariate]) -> Iterator[Covariate]:
+    """Quantities that several measurements have, each of its own: "Target position of ..."."""
+    alike: dict[Any, list[Covariate]] = {}
+    for v in covariates:
+        if v.readings is not None and not v.sequence and not v.classes:
+            alike.setdefault((v.name.rpartition(" of ")[0], v.unit, v.period), []).append(v)
+    for (name, *_), of in alike.items():
+        if len(of) > 1 and name:
+            values, known = np.zeros(len(of[0].values)), np.zeros(len(of[0].values), dtype=bool)
+            for v in of:
+                mine = np.zeros(len(values), dtype=bool)
+                mine[slice(*v.readings)] = True  # type: ignore[misc]
+                mine &= True if v.known is None else v.known
+                values[mine], known = np.asarray(v.values)[mine], known | mine
+            yield replace(of[0], name=name, values=values, known=known, readings=None)
+
+
+def _varies(v: Covariate, at: Integers) -> bool:
+    """Whether a quantity takes more than one value in readings that have it."""
+    known = at if v.known is None else at[v.known[at]]
+    values = np.asarray(v.values)[known]
+    return bool(len(values)) and bool(np.any(values != values[0]))
 
 
 def _pairs(

@@ -13,6 +13,7 @@ import numpy as np
 from trunnion.base.errors import InputError
 from trunnion.base.statistics import factor_of
 from trunnion.base.units import Flags, Floats, capital, unit_of
+from trunnion.diagnosis.joint_ids import JointId
 from trunnion.diagnosis.model import Covariate, Model
 from trunnion.diagnosis.records import (
     NO_CAUSE,
@@ -124,6 +125,9 @@ class Explained:
         unit = int(np.argmax(power / np.maximum(np.bincount(record.unit_index), 1)))
         cause = next(c for c in d.causes if c.id == id_)
         rows = record.kept & (record.unit_index == unit)
+        acting = np.flatnonzero(change)
+        if JointId.of(id_).happened is not None and len(acting):
+            rows[: acting[0]] = rows[acting[-1] + 1 :] = False  # where it had not happened
         return cls(d, cause, record, change, rows, record.units[unit])
 
     @cached_property

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from trunnion.base.report import Cell, Shown, Table
+from trunnion.base.report import Cell, Shown, Table, rough
 from trunnion.base.units import ARCSEC, Floats, capital, parameter_words, unit_of
 from trunnion.data.positioning import Positioning
 from trunnion.diagnosis.families import EITHER, OWNED, RADIUS_MM, Family, family_of, meaning
@@ -145,7 +145,7 @@ class Found:
         if text and not family.grows:
             return text
         of, _, most = self._largest(c)
-        reach = f"up to {most:.2g} {of.unit} in these readings"
+        reach = f"up to {rough(most)} {of.unit} in these readings"
         if any(name.startswith("tau_") for name in c.parameters):
             reach += "; the amplitude is where it would end"
         return f"{text}: {reach}" if text else reach
@@ -160,7 +160,7 @@ class Found:
         rows: list[tuple[Cell, ...]] = []
         for name, size in largest_of(self.located, self.d.errors_std).items():
             angle = abs(self.located[name]) * ARCSEC if unit_of(name) == "arcsec" else 0.0
-            at = f"{1e3 * angle * RADIUS_MM:.2g} µm at a distance of {RADIUS_MM:g} mm"
+            at = f"{rough(1e3 * angle * RADIUS_MM)} µm at a distance of {RADIUS_MM:g} mm"
             rows.append(
                 (capital(called(name)), size, at if angle else "so far beside its place", None)
             )
