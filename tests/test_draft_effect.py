@@ -289,7 +289,7 @@ def test_a_period_is_sought_of_so_many_waves_at_most(period: float) -> None:
 
 def test_an_effect_of_other_data_is_refused_or_left_out(tmp_path: Path) -> None:
     effect, points = example("wave"), tn.read_points(tn.sample_path("plate/first.csv"))
-    with pytest.raises(tn.InputError, match="got Points, expected Touches"):
+    with pytest.raises(tn.InputError, match="got an effect of Touches for measured Points"):
         tn.diagnose(points, effects=[effect])
     path = tn.write_effects(tmp_path / "effects.toml", [effect])
     assert tn.read_effects(path, points) == ()

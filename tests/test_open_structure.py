@@ -68,7 +68,7 @@ def with_a_wave(wave: Callable[[Floats, Floats], Floats], seed: int) -> tn.Ballb
         x_mm=x,
         y_mm=y,
         length_mm=100.0 + wave(turn, y) + noise,
-        sense=np.where(turn < 2 * np.pi, 1, -1),
+        sense=np.ones(len(turn), dtype=int),
         feed_mm_min=np.full(len(turn), 1000.0),
         time_s=6.0 * turn,
     )

@@ -259,5 +259,5 @@ def test_arrows_of_residuals_stand_outside_the_body_and_an_outlier_hides_none() 
 
 def test_a_diagnosis_without_its_data_has_no_view() -> None:
     found = replace(tn.diagnose(tn.read(tn.sample_path("plate/first.csv"))), data=None)
-    with pytest.raises(tn.InputError, match=r"without its data .*diagnose the data again"):
+    with pytest.raises(tn.InputError, match="without its measured data"):
         found.scene()

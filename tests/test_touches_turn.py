@@ -150,7 +150,9 @@ def test_the_model_predicts_with_an_angle() -> None:
 def test_an_angle_is_not_to_be_had_without_a_machine() -> None:
     data, setup, _ = measured(7, "c", thrice_a_turn(15.0))
     named = tn.diagnose(data, setup).draft_effect("worm")
-    with pytest.raises(tn.InputError, match="as an angle of C of a machine: its set-up is needed"):
+    with pytest.raises(
+        tn.InputError, match=r"got 'angle of C', expected X, Y, Z.*is the set-up missing"
+    ):
         named.change(data, {"a_arcsec": 1.0, "b_arcsec": 0.0})
 
 
