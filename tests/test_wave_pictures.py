@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import trunnion as tn
+from trunnion.base.units import Floats
 from trunnion.diagnosis.model import Covariate
 from trunnion.plot.coordinates import Coordinate, Wave, Weight
 from trunnion.plot.diagnosis import diagnosis_picture
@@ -14,7 +15,10 @@ from trunnion.plot.picture import Form
 LOBES = 3
 
 
-def curve_of(place: np.ndarray, change: np.ndarray, v: Covariate, wave: Wave | None):  # type: ignore[no-untyped-def]
+def curve_of(
+    place: Floats, change: Floats, v: Covariate, wave: Wave | None
+) -> tuple[Floats, Floats]:
+    """Places and amounts of the curve through changes."""
     weight = Weight("deviation", "µm", np.ones(len(place)))
     made = Coordinate(v, weight, None, (), 1.0)
     ((_, x, amounts),) = made.curve(change[:, None], np.ones(len(place), bool), wave)

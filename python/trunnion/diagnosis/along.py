@@ -10,7 +10,7 @@ import numpy as np
 
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.effect import Effect, Parameter, Values
-from trunnion.diagnosis.gains import TRIALS_AT_ONCE, Variants, gains_beside
+from trunnion.diagnosis.gains import Variants, gains_beside, some_at_once
 from trunnion.diagnosis.grid import best_place
 from trunnion.diagnosis.linearised import affine
 from trunnion.diagnosis.of_some import OfSome
@@ -131,13 +131,12 @@ class Along:
 
     def at(self, places: Floats) -> Floats:
         """Gains at places (m,)."""
-        basis, residual = self.beside.basis, self.beside.residual
-        out = np.zeros(len(places))
-        for first in range(0, len(places), TRIALS_AT_ONCE):
-            some = slice(first, first + TRIALS_AT_ONCE)
-            x = self.columns(places[some])
-            out[some] = gains_beside(x.own, basis[x.at], residual[x.at])
-        return out
+
+        def gains(some: Floats) -> Floats:
+            x = self.columns(some)
+            return gains_beside(x.own, self.beside.basis[x.at], self.beside.residual[x.at])
+
+        return some_at_once(gains, places)
 
     def sizes(self, place: float) -> Floats:
         """Linear parameters at a place (k,)."""

@@ -24,10 +24,15 @@ def gains_at(
 
     ``columns``: those at some of the values, (v, n, k).
     """
+    return some_at_once(lambda some: gains_beside(columns(some), basis, residual), trials)
+
+
+def some_at_once(gains: Callable[[Array], Array], trials: Array) -> Array:
+    """Gains at several values, shape (v,), of which columns are made at some at a time."""
     out = np.zeros(len(trials))
     for first in range(0, len(trials), TRIALS_AT_ONCE):
         some = slice(first, first + TRIALS_AT_ONCE)
-        out[some] = gains_beside(columns(trials[some]), basis, residual)
+        out[some] = gains(trials[some])
     return out
 
 

@@ -113,9 +113,13 @@ class Cause(Result):
     @property
     def or_instead(self) -> str:
         """What stands behind its name where the measurement does not say whether it is the one."""
-        if not self.instead:
-            return ""
-        return f", or {self.instead}, which this measurement does not distinguish from it"
+        does_not = ", which this measurement does not distinguish from it"
+        return f"{self.or_other}{does_not}" if self.instead else ""
+
+    @property
+    def or_other(self) -> str:
+        """The same in short, where it is said elsewhere that the measurement does not say."""
+        return f", or {self.instead}" if self.instead else ""
 
     def sentences(self) -> tuple[str, ...]:
         """Say what it is and how large: ``drift of the Z axis (drift_z): 4.8 ± 0.3 µm/h``."""

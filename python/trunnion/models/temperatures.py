@@ -74,6 +74,7 @@ def temperature_notes(found: Diagnosis, model: JointModel, data: Sequence[Any]) 
     names = [part.name for part in model.parts]
     if any(map(_of_angles, data)):
         return
+    mean = [mean_temperature(one) for one in data]
     for cause in found.causes:
         of = JointId.of(cause.id)
         if of.happened is None or "ppm" not in cause.parameters or of.measurement not in names:
@@ -81,13 +82,13 @@ def temperature_notes(found: Diagnosis, model: JointModel, data: Sequence[Any]) 
         at = names.index(of.measurement)
         others = [i for i in range(len(names)) if of.cause in model.ids_of_part(i).values()]
         others = [i for i in others if (i != at if of.happened is Happened.DIFFERS else i < at)]
-        known = [t for i in others if (t := mean_temperature(data[i])) is not None]
-        warm = mean_temperature(data[at])
+        known = {names[i]: t for i in others if (t := mean[i]) is not None}
+        warm = mean[at]
         if warm is None or not known:
             continue
         sign = -1.0 if of.happened is Happened.ENDED else 1.0  # its size is that until then
-        before = " and ".join(names[i] for i in others if mean_temperature(data[i]) is not None)
-        ends = ((before, float(np.mean(known))), (of.measurement, warm))
+        before = " and ".join(known), float(np.mean([*known.values()]))
+        ends = (before, (of.measurement, warm))
         size = sign * cause.parameters["ppm"]
         if said := expansion_of(cause.label or cause.id, size, cause.std_errors["ppm"], ends):
             yield said

@@ -206,9 +206,9 @@ def _joined(covariates: Sequence[Covariate]) -> Iterator[Covariate]:
         if len(of) > 1 and name:
             values, known = np.zeros(len(of[0].values)), np.zeros(len(of[0].values), dtype=bool)
             for v in of:
+                first, end = v.readings or (0, len(values))
                 mine = np.zeros(len(values), dtype=bool)
-                mine[slice(*v.readings)] = True  # type: ignore[misc]
-                mine &= True if v.known is None else v.known
+                mine[first:end] = True if v.known is None else v.known[first:end]
                 values[mine], known = np.asarray(v.values)[mine], known | mine
             yield replace(of[0], name=name, values=values, known=known, readings=None)
 

@@ -82,8 +82,7 @@ def _certain(found: Found) -> list[str]:
     said: dict[str, list[str]] = {}
     for c in found.d.causes:
         if c.id in found.certain:
-            name = f"{found.label(c.id)}, or {c.instead}" if c.instead else found.label(c.id)
-            said.setdefault(found.family(c.id).advice, []).append(name)
+            said.setdefault(found.family(c.id).advice, []).append(found.label(c.id) + c.or_other)
     return [f"{capital('; '.join(names))}: {advice}" for advice, names in said.items()]
 
 

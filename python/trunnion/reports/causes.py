@@ -170,8 +170,8 @@ class Found:
         return Shown(c.probability, percent(c.probability))
 
     def _name(self, c: Cause) -> str:
-        either = f", or {c.instead}" if c.instead else ""
-        return capital(self.label(c.id)) + either + ("" if c.id in self.certain else " (in doubt)")
+        doubt = "" if c.id in self.certain else " (in doubt)"
+        return capital(self.label(c.id)) + c.or_other + doubt
 
     def tables(self) -> list[Table]:
         """What was found of the machine, what may be its, then what is not the machine's."""

@@ -214,14 +214,19 @@ class Path:
         return bool(sign[rows[k - 1]] != 0.0 or since < self.along[rows[k - 1]] - 1e-9)
 
 
+def _steps(tips: Floats) -> tuple[Floats, Floats, Integers]:
+    """Steps (n - 1, 3), their lengths, and with which of them the machine moves."""
+    step = np.diff(tips, axis=0)
+    size = np.linalg.norm(step, axis=1)
+    return step, size, np.flatnonzero(size > 1e-9)
+
+
 def _returns(tips: Floats) -> Flags:
     """Steps (n - 1,) with which the machine returns to a start, along a path that is not logged.
 
     They say nothing about the travel at either end. Gaps of readings left out go forward.
     """
-    step = np.diff(tips, axis=0)
-    size = np.linalg.norm(step, axis=1)
-    moving = np.flatnonzero(size > 1e-9)
+    step, size, moving = _steps(tips)
     out = np.zeros(len(step), dtype=bool)
     if len(moving) < 2:
         return out
@@ -239,9 +244,7 @@ def _turns_back(tips: Floats) -> Flags:
 
     Standstill before such a step belongs to the new run but for its first reading.
     """
-    step = np.diff(tips, axis=0)
-    size = np.linalg.norm(step, axis=1)
-    moving = np.flatnonzero(size > 1e-9)
+    step, size, moving = _steps(tips)
     way = step[moving] / size[moving, None]
     out = np.zeros(len(step), dtype=bool)
     for k in np.flatnonzero(np.einsum("ij,ij->i", way[:-1], way[1:]) < TURNS_BACK) + 1:
