@@ -1,10 +1,14 @@
 """Measurements of several kinds are in the order of time: a change is in all that follow it."""
 
+import re
+from itertools import permutations
+
 import numpy as np
 import pytest
 
 import trunnion as tn
 from test_joint_agreement import circle, plate, stops
+from trunnion.files.table import Table
 
 SQUARE = 1e-9  # µm/m²: no bow
 Rng = np.random.Generator
@@ -60,3 +64,33 @@ def test_a_location_error_that_changed_stays_so_in_touches_alone() -> None:
     ambiguous = tn.diagnose([before, after], setup)
     assert len(ambiguous.alternatives) > 1
     assert any(one.kind == "ballbar" for one in tn.next_measurement(ambiguous, setup))
+
+
+def measured(kind: str, rng: Rng, ppm: float, lost: float) -> Table:
+    """One of a machine whose X axis has a scale of ppm and loses µm at a reversal."""
+    if kind == "circle":
+        return circle(rng, (ppm, 0), (lost, 0), 0.0)
+    if kind == "run":
+        return stops(rng, "x", ppm, lost)
+    if kind == "points":
+        return plate(rng, 150.0, 0.0, SQUARE, (ppm, 0.0))
+    setup = tn.read_setup(tn.sample_path("hidden/setup.toml"))
+    wrong = {"scale_x": {"ppm": ppm}, "backlash_x": {"b_um": lost}}
+    return tn.simulate(
+        tn.plan(setup), setup, effects=wrong, noise_um=0.3, seed=int(rng.integers(1000))
+    )
+
+
+KINDS = ("circle", "run", "points", "touches")
+
+
+@pytest.mark.parametrize(("one", "other"), list(permutations(KINDS, 2)))
+def test_a_change_is_named_with_another_kind_between_two_of_one(one: str, other: str) -> None:
+    """Targets of a run are compared with those of runs alone; all others are at other places."""
+    setup = tn.read_setup(tn.sample_path("hidden/setup.toml"))
+    for seed in range(2):
+        rng = np.random.default_rng([71, seed])
+        kinds, now = (one, other, one), ((0.0, 3.0), (0.0, 3.0), (60.0, 0.0))
+        data = [measured(kind, rng, *wrong) for kind, wrong in zip(kinds, now, strict=True)]
+        d = tn.diagnose(data, setup)
+        assert any(re.search(r" 2:change_(scale|backlash)_x", cause) for cause in d.named)

@@ -60,8 +60,8 @@ def left_by_places(
                 [i for i in each if i < change.since][-1:],
                 [i for i in each if i == change.since],
             ]
-            places = [parts[side[0]].model for side in sides if side]
-            if len(places) < len(sides) or not places[0].differing(places[1]):
+            measured = [parts[side[0]] for side in sides if side]
+            if len(measured) < len(sides) or not _at_others(*measured):
                 continue
         square = 0.0
         for side in filter(None, sides):
@@ -69,6 +69,11 @@ def left_by_places(
         if square > 0:
             out[id_, "ppm"] = square**0.5
     return out
+
+
+def _at_others(before: Part, after: Part) -> bool:
+    """Whether two measurements are at different places, as two of different kinds always are."""
+    return before.kind != after.kind or bool(before.model.differing(after.model))
 
 
 def _left(part: Part, acts: Acts, own: EffectValues) -> float:
