@@ -86,6 +86,20 @@ def test_a_uniform_temperature_changes_no_angle() -> None:
     assert "thermal expansion" not in tn.compare(first, second).summary()
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_rotary_axis_beside_silences_no_note_of_a_linear_one(seed: int) -> None:
+    """Both axes change; of C alone, whose runs differ by 9 K, nothing is said."""
+    runs = [run_of(seed, 30.0, 20.0), turned(run_of(seed + 40, 30.0, 18.0))]
+    runs += [run_of(seed + 20, 76.0, 24.0), turned(run_of(seed + 60, 76.0, 27.0))]
+    found = tn.diagnose(runs)
+    changed = [cause.id for cause in found.causes if "change_" in cause.id]
+    assert len(changed) == 2, changed
+    said = notes(found)
+    assert len(said) == 1
+    assert "20.0 °C in positioning, 24.0 °C in positioning 3, 4.0 K more" in said[0]
+    assert "would be 11." in said[0]
+
+
 def test_kelvin_are_asked_about() -> None:
     first, second = run_of(0, 30.0, 293.2), run_of(20, 76.0, 297.2)
     assert "are these K, not °C?" in notes(tn.diagnose([first, second]))[0]

@@ -33,9 +33,9 @@ def mean_temperature(data: Any) -> float | None:
     return mean if np.isfinite(mean) else None
 
 
-def _of_angles(data: Any) -> bool:
-    """Whether readings are angles, which a uniform temperature does not change."""
-    return bool(getattr(data, "rotary", False))
+def _of_lengths(data: Any) -> float | None:
+    """Mean temperature of a measurement of lengths: a uniform one changes no angle."""
+    return None if getattr(data, "rotary", False) else mean_temperature(data)
 
 
 def _asked(*means: float) -> str:
@@ -72,9 +72,7 @@ def temperature_notes(found: Diagnosis, model: JointModel, data: Sequence[Any]) 
     data: Of each part of the model.
     """
     names = [part.name for part in model.parts]
-    if any(map(_of_angles, data)):
-        return
-    mean = [mean_temperature(one) for one in data]
+    mean = [_of_lengths(one) for one in data]
     for cause in found.causes:
         of = JointId.of(cause.id)
         if of.happened is None or "ppm" not in cause.parameters or of.measurement not in names:
@@ -99,9 +97,7 @@ def with_temperatures(found: MachineComparison, data: Sequence[Any]) -> MachineC
 
     data: Of each measurement; none where they are not known.
     """
-    known = [mean_temperature(one) for one in data]
-    if any(map(_of_angles, data)):
-        return found
+    known = [_of_lengths(one) for one in data]
     if len(known) != len(found.names) or known[0] is None or known[-1] is None:
         return found
     ends = ((found.names[0], known[0]), (found.names[-1], known[-1]))
