@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import timedelta
 from itertools import combinations
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +14,11 @@ from trunnion.base.errors import InputError
 from trunnion.base.units import Floats
 from trunnion.files.table import Table
 
+T = TypeVar("T")
+
 MIN_TIMES = 3
+FAR_S = 86400.0
+"""A clock that begins farther than a day from 0 counts from elsewhere, as from the year 1970."""
 SHOWN = "%Y-%m-%d %H:%M:%S"
 
 
@@ -22,7 +26,7 @@ def elapsed_s(time_s: ArrayLike) -> Floats:
     """Time of each reading since the first, (n,): the clock of a measurement begins anywhere.
 
     What changes with time is counted from there in every kind of data; the moment of a jump is
-    stated by the clock itself. The core does the same for touches.
+    stated by the clock itself (:func:`from_first_reading`). The core does the same for touches.
     """
     time = np.asarray(time_s, dtype=np.float64)
     return time - np.min(time) if len(time) else time
@@ -37,6 +41,42 @@ def begin_and_span_s(data: Table) -> tuple[float, float]:
     if time is None or not len(time):
         return 0.0, 0.0
     return float(np.min(time)), float(np.ptp(time))
+
+
+def from_first_reading(data: T) -> T:
+    """Return data whose clock counts from elsewhere with times since their first reading.
+
+    Of data with a clock for each part, such as each pass of a tool, since the first of the part.
+    Other data as they are: moments are stated by the clock that users see in their rows.
+    """
+    begin_s = _begin_elsewhere_s(data)
+    if begin_s is None or not isinstance(data, Table):
+        return data
+    return data.counted_from(begin_s)
+
+
+def _begin_elsewhere_s(data: Any) -> Floats | None:
+    """When the first reading was made, of each row; None: its clock counts from about there."""
+    time = data.columns.get("time_s") if isinstance(data, Table) else None
+    if time is None or not len(time) or time.dtype.kind != "f" or abs(np.min(time)) <= FAR_S:
+        return None
+    begin_s = np.full(len(time), float(np.min(time)))
+    parts = data.columns.get(data.clock)
+    for part in () if parts is None else np.unique(parts):
+        begin_s[parts == part] = np.min(time[parts == part])
+    return begin_s
+
+
+def clock_notes(data: Any) -> tuple[str, ...]:
+    """Say by which clock times are stated, where it is not that of the rows."""
+    begin_s = _begin_elsewhere_s(data)
+    if begin_s is None:
+        return ()
+    part = f" of its {data.clock}" if data.clock in data.columns else ""
+    return (
+        f"time_s begins at {float(np.min(begin_s)):.10g} s: here times count from the first "
+        f"reading{part}.",
+    )
 
 
 def check_order(measured: Sequence[Any], numbers: Sequence[int] | None = None) -> None:

@@ -24,6 +24,7 @@ from trunnion.base.report import (
 from trunnion.base.stored import fitting, plain, structured
 from trunnion.base.units import unit_of
 from trunnion.data.distinct import distinct_rows
+from trunnion.data.times import from_first_reading
 from trunnion.diagnosis.contributions import (
     Contribution,
     Ladder,
@@ -267,7 +268,9 @@ class Diagnosis(Result):
                 f"{WITHOUT_DATA}"
             )
         else:
-            model = self.rebuilt_model().bind(distinct_rows(other).data)
+            several = isinstance(other, list | tuple)
+            used = [*map(from_first_reading, other)] if several else from_first_reading(other)
+            model = self.rebuilt_model().bind(distinct_rows(used).data)
         known = {e.id for e in model.effects}
         owners = self.model.owners if isinstance(self.model, Estimate) else {}
         effects = {

@@ -15,7 +15,7 @@ same words, serve the constructor and the file reader.
 import io
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from datetime import datetime
+from datetime import datetime, timedelta
 from os import PathLike
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TextIO, TypeAlias, overload
@@ -349,6 +349,12 @@ class Table(Saved):
         made = type(self)({name: values for name, values in order.items() if values is not None})
         began = made._began if TIME in columns else self._began
         return self._of(made._columns, self._origin, began) if len(made) == len(self) else made
+
+    def counted_from(self, begin_s: ArrayLike) -> Self:
+        """Return the table with times from a moment of its clock, s: one for all rows, or each."""
+        columns = {**self._columns, TIME: self._columns[TIME] - np.asarray(begin_s)}
+        first = timedelta(seconds=float(np.min(begin_s)))
+        return self._of(columns, self._origin, self._began and self._began + first)
 
     @classmethod
     def concatenate(cls, tables: Iterable[Self]) -> Self:

@@ -24,7 +24,7 @@ from trunnion.data.frame import (
     frame_notes,
     taken_as_said,
 )
-from trunnion.data.times import check_order, time_notes
+from trunnion.data.times import check_order, clock_notes, from_first_reading, time_notes
 from trunnion.data.touches import Touches
 from trunnion.diagnosis.effect import EffectLike
 from trunnion.diagnosis.engine import diagnose as diagnose_model
@@ -351,6 +351,7 @@ def diagnose(
 
 def _alone(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Diagnosis:
     """Diagnose one measurement, of which rows that repeat others count once."""
+    clock, data = clock_notes(data), from_first_reading(data)
     used, first, _, repeated = distinct_rows(data)
     with refusal_explained(used, setup, _built):
         model = _built(used, setup, effects)
@@ -358,7 +359,7 @@ def _alone(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Diagno
     if model is data:
         return found
     found = replace(found, data=data, setup=setup, candidates=tuple(effects))
-    found = replace(found, notes=(*frame_notes(data), *time_notes(data), *found.notes))
+    found = replace(found, notes=(*frame_notes(data), *clock, *time_notes(data), *found.notes))
     found = with_mistakes(found, model, used, setup, _built)
     if isinstance(setup, Setup) and setup.machine.tolerance:
         tolerance = setup.machine.tolerance
@@ -450,13 +451,14 @@ def _measured(
 
 def _one_of_several(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Measured:
     """Explain one measurement, of which rows that repeat others count once."""
+    clock, data = clock_notes(data), from_first_reading(data)
     used, first, _, repeated = distinct_rows(data)
     model = model_of(used, setup, acting_in(effects, data))
     left = leave(model)
     if first is not None:
         outliers = tuple(int(first[row]) for row in left.outliers)
         left = replace(left, outliers=outliers, rows=first[left.rows])
-    return Measured(kind_name(data), data, first, left, model, repeated)
+    return Measured(kind_name(data), data, first, left, model, (*repeated, *clock))
 
 
 def _joint(

@@ -19,7 +19,7 @@ from trunnion.base.rows import equal_rows
 from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats, unit_of
 from trunnion.data.distinct import distinct_rows
-from trunnion.data.times import begin_and_span_s, time_notes
+from trunnion.data.times import begin_and_span_s, clock_notes, from_first_reading, time_notes
 from trunnion.data.touches import Touches
 from trunnion.machine.budget import Source, of_readings
 from trunnion.machine.effects import PLACEMENT, Effect, Moving, UserEffect, split_effects
@@ -161,6 +161,7 @@ def _identified(
     max_steps: int,
 ) -> IdentificationResult:
     """Fit, and what the fit says."""
+    clock, data = clock_notes(data), from_first_reading(data)
     ids, own = split_effects(effects)
     model = TouchModel(setup, ids)
     moves = model.moves(data)
@@ -186,7 +187,7 @@ def _identified(
     problem = TouchProblem(model, data, moves, own)
     jacobian = problem.jacobian(found.values)
     timed = any("time_s" in model.chain.effects[name].needs for name in model.effect_ids)
-    said = time_notes(data) if timed else ()
+    said = (*clock, *time_notes(data)) if timed else ()
     if not (knee or how.sigma_um):
         found, scatter = _beside_scatter(problem, jacobian, plain, found)
         said = (*said, *scatter)

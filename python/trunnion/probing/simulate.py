@@ -11,6 +11,7 @@ import numpy as np
 from trunnion.base.arguments import checked
 from trunnion.base.checks import finite, instance, named
 from trunnion.base.errors import InputError
+from trunnion.data.times import from_first_reading
 from trunnion.data.touches import Touches, without_frame
 from trunnion.machine.effects import split_effects
 from trunnion.machine.estimate import Estimate
@@ -58,7 +59,8 @@ def simulate(
     placement
         True placement of the artefact on the table, `dx_um` ... `rc_arcsec`.
     effects
-        True effects: id (or a user's own effect) → parameter → value.
+        True effects: id (or a user's own effect) → parameter → value. A moment is by the clock of
+        the plan; where this begins more than a day from 0, from the first touch on.
     noise_um
         1 σ of the probe's repeatability.
     tick_um
@@ -119,7 +121,8 @@ def simulate(
     instance("plan", plan, Touches, "Touches, as plan or read_touches gives them")
     plan = as_recorded(plan, setup)
     from_start = plan.start_mm is not None
-    moves = model.moves(plan, from_start=from_start)
+    timed = from_first_reading(plan)
+    moves = model.moves(timed, from_start=from_start)
     # A contact is expected at the planned distance; the true surface may lie off by 5 mm.
     reach = OFF_SURFACE_MM + _longest_way_mm(plan)
     named_values = dict(zip(model.error_names, values, strict=False))
@@ -136,8 +139,8 @@ def simulate(
             sample=_whole("sample", sample),
         )
     for effect in own:
-        acting = on_machine(effect, model, plan, values)
-        travel = travel + 1e-3 * acting.change(plan, effects[effect])
+        acting = on_machine(effect, model, timed, values)
+        travel = travel + 1e-3 * acting.change(timed, effects[effect])
     start = plan.start_mm if plan.start_mm is not None else plan.position_mm
     recorded = start + travel[:, None] * plan.direction
     if step := 1e-3 * setup.probe.resolution_um:
