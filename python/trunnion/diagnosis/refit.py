@@ -26,6 +26,7 @@ class Refit:
 
     names: nuisance, then effects' as "id.parameter", p of them. values: (p,). covariance: (p, p).
     not_identifiable: (p,). degrees_of_freedom: of the noise. columns: of every reading, (n, p).
+    rss: what is left of white readings, squared.
     """
 
     names: tuple[str, ...]
@@ -34,6 +35,7 @@ class Refit:
     not_identifiable: Floats
     degrees_of_freedom: int
     columns: Floats
+    rss: float
 
 
 def refit(model: Model, effects: Mapping[str, Mapping[str, float]], outliers: Integers) -> Refit:
@@ -122,5 +124,6 @@ def _fitted(model: Model, effects: Mapping[str, Mapping[str, float]], outliers: 
     )
     names = [x.name for x in model.nuisance]
     names += [f"{e.id}.{p.name}" for e in used for p in e.parameters if p.linear]
-    variance = float(case.floor.noise(float(left @ left), dof))
-    return Refit(tuple(names), at, solved.cofactor * variance, lost, dof, every)
+    rss = float(left @ left)
+    covariance = solved.cofactor * float(case.floor.noise(rss, dof))
+    return Refit(tuple(names), at, covariance, lost, dof, every, rss)

@@ -23,6 +23,7 @@ from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.plain import plain_fit
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.machine.sizes import LARGE_UM, SURE_SIGMAS, in_other_units
+from trunnion.models.exchanged import exchanged
 from trunnion.models.joint import JointModel
 from trunnion.models.several import Measured
 from trunnion.probing.mistakes import mistakes_named
@@ -31,6 +32,7 @@ from trunnion.setup import Setup
 OWN_RULES = (Touches, AxisLog, Positioning)
 """Kinds whose models say themselves what was mistaken."""
 
+CAUSE = "What is not explained has a likely cause: "
 MIN_FREEDOM = 5
 SURE_PROBABILITY = 0.95
 """Of a named cause that no mistake is taken for."""
@@ -97,7 +99,8 @@ def with_mistakes_of_each(
     for i, (part, one) in enumerate(zip(model.parts, measured, strict=True)):
         _, own = model.of_part(i, model.start, sure)
         said[part.name] = _mistakes(part.model, one.data, setup, build, one.unexplained_rms, own)
-    mistakes = of_each(said)
+    cause = exchanged(found, model, measured)
+    mistakes = (*([f"{CAUSE}{cause}"] if cause else []), *of_each(said))
     named = {f"{name}: {text}" for name, texts in said.items() for text in texts}
     others = (note for note in found.notes if note not in named)
     return replace(found, mistakes=mistakes, notes=(*mistakes, *others))
@@ -135,7 +138,7 @@ def _mistakes(
         said += getattr(build(data, setup), "scale_doubts", ())
     if unexplained is not None and not isinstance(data, Positioning):
         cause = likely_better(data, setup, scatter_by(build), *unexplained)
-        said += [f"What is not explained has a likely cause: {cause}"] if cause else []
+        said += [f"{CAUSE}{cause}"] if cause else []
     return tuple(said)
 
 
