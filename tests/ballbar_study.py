@@ -56,6 +56,7 @@ CARTESIAN = (
     "reversal_spike",
     "straightness",
     "setup_shift",
+    "lateral_play",
 )
 
 
@@ -282,6 +283,10 @@ def _cartesian_error(
         i, j = rng.permutation(pair)
         error[:, i] = way * arc(rec.points[:, j], rng.uniform(3e-3, 10e-3))
         name = f"straightness_{'xyz'[i]}_of_{'xyz'[j]}"
+    elif hidden == "lateral_play":
+        i, j = rng.permutation(pair)
+        error[:, i] = -0.5 * way * 3e-3 * sign(rec.velocity[:, j])
+        name = f"lateral_play_{'xyz'[i]}_of_{'xyz'[j]}"
     elif hidden == "setup_shift":
         # the cup slips on the table, somewhere in the test: the tool stands off it from there on
         rows = np.flatnonzero(rec.setup == rng.choice(np.unique(rec.setup)))

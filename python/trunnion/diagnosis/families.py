@@ -88,6 +88,14 @@ FAMILIES = (
         minus=_LOST[1],
     ),
     Family(
+        "lateral play",
+        r"lateral_play_(?P<a>[xyz])_of_(?P<b>[xyz])",
+        "look at the play of the guide across its travel (carriages, gibs, their preload and wear) "
+        "and take it out there; backlash compensation of the control does not act on it.",
+        "while {b} travels towards +, the tool stands on the −{a} side",
+        "while {b} travels towards +, the tool stands on the +{a} side",
+    ),
+    Family(
         "backlash",
         r"[abc]_backlash|backlash_[abc]",
         "look at gear and clamping; enter what is left as backlash compensation of the control.",

@@ -175,4 +175,5 @@ def shared_label(id_: str, label: str) -> str:
         return f"backlash of the {id_[0].upper()} axis"
     if kind == "squareness" and axes in ("xy", "xz", "yz"):
         return f"squareness of {letters[1]} to {letters[0]}"
-    return f"{label} ({letters})" if kind.endswith("_of") and label else label
+    said = not label or f" {letters} axis" in label
+    return f"{label} ({letters})" if kind.endswith("_of") and not said else label

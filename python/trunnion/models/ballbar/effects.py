@@ -193,14 +193,22 @@ def _straightness(path: Path, bar: Bar, into: int, along: int) -> Effect:
 
 
 def _reversal(path: Path, bar: Bar, axis: int) -> list[Effect]:
-    """Backlash and reversal spike of an axis that travels both ways."""
+    """Backlash, lateral play and reversal spike of an axis that travels both ways."""
     sign = path.both_ways(axis)
     if sign is None:
         return []
-    label = f"backlash of the {AXES[axis].upper()} axis"
-    column = -0.5 * sign * bar.direction[:, axis]
-    backlash = linear(f"backlash_{AXES[axis]}", ["b_um"], column, label)
-    return [backlash, *_spike(path, bar, axis, sign)]
+    letter = AXES[axis].upper()
+    behind = -0.5 * sign[:, None] * bar.direction
+    play = {f"backlash_{AXES[axis]}": (axis, f"backlash of the {letter} axis")} | {
+        f"lateral_play_{AXES[a]}_of_{AXES[axis]}": (
+            a,
+            f"lateral play of the {letter} axis in {AXES[a].upper()}",
+        )
+        for a in path.moving
+        if a != axis
+    }
+    out = [linear(name, ["b_um"], behind[:, a], label) for name, (a, label) in play.items()]
+    return out + _spike(path, bar, axis, sign)
 
 
 def _spike(path: Path, bar: Bar, axis: int, sign: Floats) -> list[Effect]:

@@ -130,14 +130,16 @@ class Path:
         return out
 
     def travel(self, values: Floats) -> Floats:
-        """Sign of travel of a quantity; 0 where it stands still between two signs.
+        """Sign of travel of a quantity; 0 where it stands still between two signs, or all the run.
 
         Readings beside a gap, such as that of those left out at a reversal, stand no longer there.
         """
         rate = self.rate(values)
         out = np.sign(rate)
         for rows in self.each():
-            if len(rows) > 2:
+            if np.ptp(values[rows]) < MIN_TRAVEL_MM:
+                out[rows] = 0.0
+            elif len(rows) > 2:
                 step = np.maximum(np.diff(self.along[rows]), TINY)
                 change = np.abs(np.diff(rate[rows])) * np.minimum(1.0, np.median(step) / step)
                 least = STANDSTILL * float(np.max(change, initial=0.0))
@@ -155,11 +157,11 @@ class Path:
         All rows of a run of which that would leave out more than `MAX_LEFT_OUT`.
         """
         still = np.zeros(len(self.tips), dtype=bool)
-        for axis in self.moving:
-            sign = self.both_ways(axis)
-            if sign is not None:
-                still |= sign == 0.0
+        signs = [self.both_ways(axis) for axis in self.moving]
         for rows in self.each():
+            for sign in signs:
+                if sign is not None and sign[rows].any():
+                    still[rows] |= sign[rows] == 0.0
             still[rows] &= np.count_nonzero(still[rows]) <= MAX_LEFT_OUT * len(rows)
         return np.flatnonzero(~still)
 
