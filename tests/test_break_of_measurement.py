@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import trunnion as tn
+from positioning_twin import axis
 from power.study import ground
 from promise import kept, needed_runs
-from trunnion.models.breaks import break_of
+from trunnion.models.breaks import break_of, restart_of
 from twin.forward import Truth
 from twin.generator import measure, random_errors, random_placement
 
@@ -179,3 +180,84 @@ def test_the_model_of_a_plate_says_the_error_of_other_points() -> None:
     # over 400 mm, without the shift
     assert np.ptp(error[:, 0]) == pytest.approx(0.4 * d.effects["scale_x"]["ppm"], abs=1e-6)
     assert d.score(other).rms_after_um == pytest.approx(0.6, rel=0.25)
+
+
+def test_a_pause_that_is_usual_between_cycles_is_no_break() -> None:
+    cycle = np.repeat(np.arange(5), 20)
+    time = 10.0 * np.arange(100.0)
+    assert break_of(time + 600.0 * cycle) is not None
+    assert break_of(time + 600.0 * cycle, cycle) is None
+    night = np.where(cycle > 2, 36000.0, 0.0)
+    assert break_of(time + 600.0 * cycle + night, cycle) == pytest.approx(595.0 + 1500.0 + 18000.0)
+    assert break_of(time + np.where(cycle > 0, 3600.0, 0.0), cycle) == pytest.approx(1995.0)
+
+
+def test_a_cycle_that_was_left_begins_again() -> None:
+    way = np.r_[np.arange(8), 20 + np.arange(8)[::-1]]
+    cycle, stop = np.repeat([1, 2, 3], 16), np.tile(way, 3)
+
+    def left(at: int, first: int) -> int | None:
+        """A run that is left before a row, and goes on from another."""
+        return restart_of(np.r_[cycle[:at], cycle[first:]], np.r_[stop[:at], stop[first:]])
+
+    assert left(48, 48) is None
+    assert left(9, 0) == 9
+    assert left(40, 32) == 40  # in its last cycle, of which that was made again
+    assert left(40, 0) == 40  # or all
+    assert left(3, 0) is None  # too few to tell
+    assert left(16, 0) is None  # a whole cycle: its number is another's
+    assert restart_of(np.ones(48, dtype=int), stop) is None  # cycles without numbers
+    assert restart_of(np.ones(96, dtype=int), np.repeat(stop, 2)) is None  # stops read twice
+    by_place = np.lexsort((cycle, stop))
+    assert restart_of(cycle[by_place], stop[by_place]) is None
+    assert restart_of(np.delete(cycle, [15, 31]), np.delete(stop, [15, 31])) is None
+
+
+def run_begun_again(seed: int, shift: float, timed: bool, turns: bool = False) -> tn.Positioning:
+    """Stops with a reversal of 2; the zero of the first attempt is off by so many µm or arcsec."""
+    rng = np.random.default_rng([45, seed])
+    whole, again = axis(rng, noise=0.3), axis(rng, noise=0.3)
+    rows = int(rng.integers(5, 20))
+    target = np.r_[whole.target[:rows], whole.target]
+    error = np.r_[again.deviation[:rows] + shift, whole.deviation]
+    sense = np.r_[whole.direction[:rows], whole.direction]
+    error += 1.0 * sense
+    unit, per_unit = ("deg", 1 / 3600) if turns else ("mm", 1e-3)
+    columns = {f"target_{unit}": target, f"measured_{unit}": target + per_unit * error}
+    columns |= {"direction": sense, "cycle": np.r_[whole.cycle[:rows], whole.cycle]}
+    if timed:
+        assert whole.time_s is not None
+        late = whole.time_s + 15.0 * rows + rng.uniform(60.0, 900.0)
+        columns["time_s"] = np.r_[whole.time_s[:rows], late]
+    return tn.Positioning(columns)
+
+
+@pytest.mark.parametrize(("timed", "turns"), [(True, False), (False, False), (True, True)])
+def test_a_run_that_was_begun_again_has_not_warmed_up(timed: bool, turns: bool) -> None:
+    """It was a warm-up of the screw, with more than 90 % in most."""
+    runs = needed_runs(RATE)
+    right, inside, calm = 0, 0, 0
+    for seed in range(runs):
+        shift = (-1) ** seed * (2.5 + 0.1 * (seed % 20))
+        d = tn.diagnose(run_begun_again(seed, shift, timed, turns))
+        right += sure(d) <= {"zero_shift", "reversal"} and any(
+            "zero_shift" in causes for causes in d.alternatives
+        )
+        for cause in d.causes:
+            if cause.id == "zero_shift":
+                size, std = *cause.parameters.values(), *cause.std_errors.values()
+                inside += abs(size + shift) < 3.0 * std
+        calm += tn.diagnose(run_begun_again(seed, 0.0, timed, turns)).named == {"reversal"}
+    assert kept(right, runs, RATE)
+    assert kept(inside, runs, RATE)
+    assert kept(calm, runs, RATE)
+
+
+def test_the_model_of_a_run_has_the_zero() -> None:
+    d = tn.diagnose(run_begun_again(2, 4.0, timed=False))
+    assert d.named == {"zero_shift", "reversal"}
+    assert d.gain.heldout_rms_after_um < 0.4
+    assert tn.Diagnosis.from_json(d.to_json()) == d
+    whole = axis(np.random.default_rng(46), noise=0.3, change=4.0)  # the zero of the first attempt
+    other = whole.with_columns(measured_mm=whole.measured + 1e-3 * whole.direction)
+    assert d.score(other).rms_after_um == pytest.approx(0.3, rel=0.25)

@@ -124,9 +124,32 @@ def lost_motion(s: Stops, _: np.random.Generator) -> Floats:
     return s.sense / 2.0
 
 
-def positioning(hidden: Callable[..., Floats] | None, rng: np.random.Generator) -> tn.Positioning:
-    """Stops with a disturbance of `SIZE` sigma beside a constant."""
+def restarted(rng: np.random.Generator) -> Stops:
+    """A run left in its first cycle and made again from its first stop, some minutes later."""
     s = stops(rng)
+    made = int(rng.integers(5, 2 * TARGETS - 3))
+    late = s.time + s.time[made] + rng.uniform(60.0, 1200.0)
+    return Stops(
+        np.r_[s.target[:made], s.target],
+        np.r_[s.sense[:made], s.sense],
+        np.r_[s.time[:made], late],
+        np.r_[s.cycle[:made], s.cycle],
+    )
+
+
+def zero_set_again(s: Stops, _: np.random.Generator) -> Floats:
+    """The laser was set to zero before the first stop of the second attempt."""
+    attempt = np.cumsum((s.target == s.target[0]) & (s.sense == 1) & (s.cycle == 1))
+    return np.where(attempt == 1, 1.0, 0.0)
+
+
+def positioning(
+    hidden: Callable[..., Floats] | None,
+    rng: np.random.Generator,
+    way: Callable[[np.random.Generator], Stops] = stops,
+) -> tn.Positioning:
+    """Stops with a disturbance of `SIZE` sigma beside a constant."""
+    s = way(rng)
     change = np.zeros(len(s.target))
     if hidden is not None:
         change = hidden(s, rng)
@@ -139,6 +162,11 @@ def positioning(hidden: Callable[..., Floats] | None, rng: np.random.Generator) 
         cycle=s.cycle,
         time_s=s.time,
     )
+
+
+def begun_again(hidden: Callable[..., Floats] | None, rng: np.random.Generator) -> tn.Positioning:
+    """The same of a run that was begun again."""
+    return positioning(hidden, rng, restarted)
 
 
 # --- a level on a guideway
@@ -266,6 +294,13 @@ ROWS = {
     "level: twist (=)": Row(levels, twisted, frozenset({"twist"})),
     "level: the level warms with the root of time": Row(
         levels, warming_level, frozenset({"drift"}), frozenset({"instrument_zero"})
+    ),
+    "axis, begun again: nothing": Row(begun_again),
+    "axis, begun again: zero set again": Row(
+        begun_again, zero_set_again, frozenset({"zero_shift"})
+    ),
+    "axis, begun again: heat diffuses along the screw": Row(
+        begun_again, diffusing_heat, OF_TIME, LENGTHS
     ),
 }
 

@@ -2,7 +2,8 @@
 
 A run that was aborted and begun again has other zeros of its axes: all that comes later is off by a
 constant. A drift over a break of hours does the same to readings that take minutes, so that both
-are candidates of one parameter each.
+are candidates of one parameter each. Readings that come in cycles show a break without times, too:
+a cycle that was left before its end begins again.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from trunnion.base.errors import InputError
-from trunnion.base.units import Floats
+from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.effect import Effect, linear
 from trunnion.machine.effects import Owner
 from trunnion.models.slips import FromThenOn
@@ -27,25 +28,64 @@ MIN_TIMES_USUAL = 10.0
 """Of the median time between readings."""
 MIN_READINGS = 5
 """Before and after: fewer of them look like outliers."""
+MIN_STOPS_LEFT = 3
+"""Of a cycle that was left before its end: a stop or two again are readings that were repeated."""
 
 
-def break_of(time_s: Floats) -> float | None:
-    """Return a time in the longest break between readings; None: they were measured in one go."""
-    times = np.sort(np.asarray(time_s, dtype=np.float64))
+def break_of(time_s: Floats, cycle: Integers | None = None) -> float | None:
+    """Return a time in the longest break between readings; None: they were measured in one go.
+
+    cycle: Of each reading. What is usual between cycles is no break.
+    """
+    order = np.argsort(time_s, kind="stable")
+    times = np.asarray(time_s, dtype=np.float64)[order]
     if len(times) < 2 * MIN_READINGS:
         return None
     apart = np.diff(times)
-    inner = apart[MIN_READINGS - 1 : len(apart) - MIN_READINGS + 1]
+    usual = np.full(len(apart), np.median(apart))
+    between = np.zeros(len(apart), dtype=bool) if cycle is None else np.diff(cycle[order]) != 0
+    if between.sum() > 1:
+        usual[between] = np.percentile(apart[between], 50, method="lower")
+    longer = apart - np.maximum(MIN_BREAK_S, MIN_TIMES_USUAL * usual)
+    inner = longer[MIN_READINGS - 1 : len(apart) - MIN_READINGS + 1]
     longest = MIN_READINGS - 1 + int(np.argmax(inner))
-    if apart[longest] < max(MIN_BREAK_S, MIN_TIMES_USUAL * float(np.median(apart))):
+    if longer[longest] < 0:
         return None
     return float(times[longest] + times[longest + 1]) / 2
 
 
-def zero_shift(letter: str, columns: Floats) -> Effect:
-    """Make the shifted zero of a linear axis, of columns (n, 1), as an effect."""
-    label = f"zero of the {letter.upper()} axis, shifted in a break of the measurement"
-    return linear(f"zero_shift_{letter}", [ZERO], columns, label, owner=Owner.PLACEMENT)
+def restart_of(cycle: Integers, stop: Integers) -> int | None:
+    """Return the reading at which a run begins again, the last such; None: it never does.
+
+    Its number of the cycle is not a higher one, the cycle before it was left before its end, and it
+    goes to the same stops as at first.
+
+    cycle, stop: Of each reading, in the order of time.
+    """
+    whole = max(len(np.unique(stop[cycle == each])) for each in np.unique(cycle))
+    found, start = None, 0
+    for row in range(1, len(cycle)):
+        if cycle[row] > cycle[row - 1]:
+            start = row
+            continue
+        first = start if cycle[row] == cycle[row - 1] else int(np.argmax(cycle == cycle[row]))
+        same = stop[row : row + MIN_STOPS_LEFT], stop[first : first + MIN_STOPS_LEFT]
+        if not np.array_equal(*same):
+            continue
+        if MIN_STOPS_LEFT <= len(np.unique(stop[start:row])) < whole:
+            found = row if MIN_READINGS <= row <= len(cycle) - MIN_READINGS else found
+            start = row
+    return found
+
+
+def zero_shift(letter: str, columns: Floats, size: str = ZERO) -> Effect:
+    """Make the shifted zero of an axis, of columns (n, 1), as an effect.
+
+    letter: Small; empty: there is one axis. size: Name of its parameter.
+    """
+    axis, end = (f"{letter.upper()} axis", f"_{letter}") if letter else ("axis", "")
+    label = f"zero of the {axis}, shifted in a break of the measurement"
+    return linear(f"zero_shift{end}", [size], columns, label, owner=Owner.PLACEMENT)
 
 
 @dataclass(frozen=True)

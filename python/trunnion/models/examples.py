@@ -74,6 +74,12 @@ def points_in_two_parts() -> tuple[Points, None]:
     return data.with_columns(time_s=_with_a_break(data.time_s)), None
 
 
+def positioning_in_two_parts() -> tuple[Positioning, None]:
+    """The stops, with a break of an hour in the fourth cycle."""
+    data, _ = positioning()
+    return data.with_columns(time_s=_with_a_break(data.time_s)), None
+
+
 def _with_a_break(time_s: Any) -> Floats:
     """Times (n,) of which the last quarter is an hour later."""
     late = np.arange(len(time_s)) >= 3 * len(time_s) // 4

@@ -93,6 +93,7 @@ _MORE_EXAMPLES = {
     "ballbar": ("hybrid_ballbar",),
     "levels": ("surface_levels",),
     "points": ("points_in_two_parts",),
+    "positioning": ("positioning_in_two_parts",),
     "rotary_test": ("rotary_bars",),
     "touches": ("touches_in_two_parts",),
 }

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from trunnion.base.errors import DataError, InputError
-from trunnion.base.units import Floats, Integers
+from trunnion.base.units import Flags, Floats, Integers
 from trunnion.data.positioning import Positioning
 from trunnion.data.times import elapsed_s
 from trunnion.diagnosis.effect import (
@@ -33,6 +33,7 @@ from trunnion.diagnosis.model import FINEST_NOISE, Covariate, Model, Nuisance, R
 from trunnion.diagnosis.own_effects import with_own
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
+from trunnion.models.breaks import break_of, restart_of, zero_shift
 from trunnion.models.warming import warmup
 
 LINEAR, ROTARY = ("x", "y", "z"), ("a", "b", "c")
@@ -114,6 +115,7 @@ class PositioningModel(ReadInTurn):
         n = len(data)
         self._given = tuple(effects)
         unit = "arcsec" if data.rotary else "um"
+        after = _after_break(data)
         stops = data.direction * 1e6 + index
         super().__init__(
             data=data,
@@ -126,9 +128,9 @@ class PositioningModel(ReadInTurn):
             ),
             nuisance=[Nuisance(f"offset_{unit}", data.unit, Owner.INSTRUMENT)],
             design=np.ones((n, 1)),
-            effects=with_own(_catalogue(data, unit), effects, data, known=IDS),
+            effects=with_own(_catalogue(data, unit, after), effects, data, known=IDS),
             covariates=_covariates(data),
-            groups=_folds(data),
+            groups=_folds(data, after),
             replicates=np.unique(stops, return_inverse=True)[1],
         )
 
@@ -243,7 +245,7 @@ class ExtendedPositioning(Estimate):
     offset: float
 
 
-OF_TIME = ("cycle_drift", "drift", "warmup", "screw_warmup", "expansion")
+OF_TIME = ("cycle_drift", "drift", "warmup", "screw_warmup", "zero_shift", "expansion")
 IDS = (
     "scale",
     "reversal",
@@ -255,6 +257,7 @@ IDS = (
     "drift",
     "warmup",
     "screw_warmup",
+    "zero_shift",
     "expansion",
     "curve",
 )
@@ -277,14 +280,21 @@ def _covariates(data: Positioning) -> tuple[Covariate, ...]:
     return tuple(out)
 
 
-def _folds(data: Positioning) -> Integers:
-    """What is predicted together: a cycle from the others; of one cycle each stop."""
-    cycles, number = np.unique(np.asarray(data.cycle), return_inverse=True)
-    return np.asarray(number if len(cycles) > 1 else np.arange(len(data)), dtype=np.intp)
+def _folds(data: Positioning, after: Flags) -> Integers:
+    """What is predicted together: a cycle from the others; of one cycle each stop.
+
+    after: Stops after a break, which are predicted from such, and so are those before it.
+    """
+    cycle, out = np.asarray(data.cycle), np.arange(len(data))
+    for part in (after, ~after):
+        cycles, number = np.unique(cycle[part], return_inverse=True)
+        if len(cycles) > 1:
+            out[part] = np.flatnonzero(part)[np.unique(number, return_index=True)[1]][number]
+    return np.asarray(np.unique(out, return_inverse=True)[1], dtype=np.intp)
 
 
-def _catalogue(data: Positioning, unit: str) -> list[Effect]:
-    """Effects for which the stops have what it takes."""
+def _catalogue(data: Positioning, unit: str, after: Flags) -> list[Effect]:
+    """Effects for which the stops have what it takes; of those after a break a zero that shifts."""
     d = np.asarray(data.direction, dtype=np.float64)
     targets, index = data.stops
     large = data.target * (3600.0 if data.rotary else 1e3)  # in the unit of deviations
@@ -315,6 +325,8 @@ def _catalogue(data: Positioning, unit: str) -> list[Effect]:
             linear("cycle_drift", [f"rate_{unit}_cycle"], cycles, "drift from cycle to cycle")
         )
     out += _of_time(data, unit)
+    if np.any(after):
+        out.append(zero_shift("", after.astype(float)[:, None], f"d_{unit}"))
     if data.temperature_c is not None and np.ptp(data.temperature_c) > 0:
         warmer = np.asarray(data.temperature_c) - float(data.temperature_c[0])
         label = "thermal expansion of the axis"
@@ -416,6 +428,18 @@ def _seconds(data: Positioning) -> Floats | None:
     if data.time_s is None or np.ptp(data.time_s) <= 0:
         return None
     return elapsed_s(data.time_s)
+
+
+def _after_break(data: Positioning) -> Flags:
+    """Which stops come after the run was begun again, else after a break; none: in one go."""
+    cycle, time_s = np.asarray(data.cycle), data.time_s
+    order = np.arange(len(data)) if time_s is None else np.argsort(time_s, kind="stable")
+    stop = 2 * data.stops[1] + (data.direction > 0)
+    again = restart_of(cycle[order], stop[order])
+    if again is not None:
+        return np.asarray(np.isin(np.arange(len(data)), order[again:]))
+    t0_s = None if time_s is None else break_of(time_s, cycle)
+    return np.zeros(len(data), dtype=bool) if t0_s is None else np.asarray(time_s) > t0_s
 
 
 def _of_time(data: Positioning, unit: str) -> list[Effect]:
