@@ -38,6 +38,7 @@ _SUFFIXES = {
     "arcsec": "arcsec",
     "deg": "deg",
     "ppm_k": "ppm/K",
+    "um_k": "µm/K",
     "std_k": "K",
     "ppm": "ppm",
     "rpm": "1/min",

@@ -328,9 +328,7 @@ def _catalogue(data: Positioning, unit: str, after: Flags) -> list[Effect]:
     if np.any(after):
         out.append(zero_shift("", after.astype(float)[:, None], f"d_{unit}"))
     if data.temperature_c is not None and np.ptp(data.temperature_c) > 0:
-        warmer = np.asarray(data.temperature_c) - float(data.temperature_c[0])
-        label = "thermal expansion of the axis"
-        out.append(linear("expansion", [Parameter("ppm_k", "ppm/K")], 1e-6 * size * warmer, label))
+        out.append(_expansion(data, 1e-6 * size))
     if len(targets) > 3 and len(data) >= MIN_REPEATS * len(targets):
         nodes = _nodes(targets)
         each = _hats(targets, nodes)[index]
@@ -421,6 +419,19 @@ def _harmonics(data: Positioning, count: int) -> list[Effect]:
         )
         for n in range(1, count + 1)
     ]
+
+
+def _expansion(data: Positioning, per_ppm: Floats) -> Effect:
+    """Growth with the temperature; of a linear axis from its fixed bearing, which is anywhere.
+
+    per_ppm: Change of each reading by a scale of 1 ppm about the middle of the stops.
+    """
+    warmer = np.asarray(data.temperature_c) - float(np.asarray(data.temperature_c)[0])
+    columns, sizes = [per_ppm * warmer], [Parameter("ppm_k")]
+    if not data.rotary:
+        columns.append(warmer)
+        sizes.append(Parameter("shift_um_k"))
+    return linear("expansion", sizes, np.stack(columns, axis=1), "thermal expansion of the axis")
 
 
 def _seconds(data: Positioning) -> Floats | None:
