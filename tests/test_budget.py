@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 import trunnion as tn
+from positioning_twin import axis
 from power.study import ground
 from promise import kept, needed_runs
 from result_examples import diagnosis_of, with_outliers
 from test_joint_agreement import circle
-from trunnion.machine.budget import MODEL, READINGS, RESOLUTION, Source, measurand
+from trunnion.machine.budget import EMPTY, MODEL, READINGS, RESOLUTION, Source, measurand
 from trunnion.probing.inputs import turning
 from trunnion.probing.model import TouchModel
 from trunnion.setup import AxisSetup
@@ -255,3 +256,9 @@ def test_readings_change_as_touches_of_turned_axes_do() -> None:
         )
         np.testing.assert_allclose(change, (behind - ahead) / 40.0, atol=1e-6)
         assert np.abs(change).max() > 0.05, letter
+
+
+def test_a_budget_of_nothing_says_so() -> None:
+    made = tn.diagnose(axis(np.random.default_rng(5001))).budget()
+    assert not made.measurands
+    assert made.summary() == EMPTY

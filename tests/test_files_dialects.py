@@ -97,6 +97,10 @@ def test_inches_are_an_explicit_option(tmp_path: Path) -> None:
     assert data.z_mm.tolist() == [25.4]
     assert data.error_um.tolist() == [2.0]
     assert data.recognised.units == {"z_mm": "inch → mm", "diameter_mm": "inch → mm"}
+    path.write_text("target_mm,measured_mm,direction,cycle,feed_mm_min\n1,1,1,1,10\n")
+    run = tn.read(path, units="inch")
+    assert run.recognised.units["feed_mm_min"] == "inch/min → mm/min"
+    assert run["feed_mm_min"].tolist() == [254.0]
     with pytest.raises(tn.UnknownNameError, match="expected one of mm, inch"):
         tn.read(path, units="feet")
 

@@ -93,3 +93,19 @@ def test_an_effect_of_time_on_times_that_stand_still_is_said() -> None:
     assert said in tn.identify(still, setup, ["drift_z"]).notes
     assert said not in tn.identify(still, setup).notes
     assert said not in tn.identify(data, setup, ["drift_z"]).notes
+
+
+@pytest.mark.parametrize(("kind", "example"), CASES)
+def test_times_that_begin_again_are_said_with_the_row(
+    kind: Kind, example: str, tmp_path: Path
+) -> None:
+    """A logger that was started again counts from zero; rows of a turned part are in any order."""
+    data, setup = measured(example)
+    rows = np.arange(len(data))
+    again = 10.0 * (rows % (2 * len(data) // 3))
+    if kind.name in MUST_RISE:  # refused within a run, of which each may have its own clock
+        return
+    notes = " ".join(tn.diagnose(read_with(data, again, kind, tmp_path), setup).notes)
+    line = 2 + 2 * len(data) // 3
+    said = f"to 0 at line {line} of times.csv: was the recording started again there?"
+    assert (said in notes) == (kind.name != "diameters")

@@ -124,9 +124,23 @@ def time_notes(data: Any) -> tuple[str, ...]:
             f"time_s is the same in all rows of each {data.clock}: no change with time within a "
             f"{data.clock} can be found.",
         )
-    if data.in_order and (np.diff(time) < 0).all():
+    falls = (np.flatnonzero(np.diff(time) < 0) + 1 if data.in_order else np.empty(0, int)).tolist()
+    if len(falls) == 1 and not _begins_another(data, falls[0]):
+        row = falls[0]
+        return (
+            f"time_s falls once, from {time[row - 1]:g} to {time[row]:g} at {data.place(row)}: was "
+            "the recording started again there? Then add to the later times what had passed: rows "
+            "are taken to be made at the times that are written, and a drift depends on them.",
+        )
+    if len(falls) == len(time) - 1:
         return (
             "time_s falls from every row to the next: rows are taken to be made at these times, "
             "the last row first. If they count down, a drift has the other sign.",
         )
     return ()
+
+
+def _begins_another(data: Table, row: int) -> bool:
+    """Whether a row begins another set-up or run, which may have a clock of its own."""
+    labels = (data.columns[name] for name in ("setup", "run") if name in data.columns)
+    return any(each[row] != each[row - 1] for each in labels)

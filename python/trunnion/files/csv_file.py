@@ -6,7 +6,7 @@ is worked out only for a line that has an error.
 """
 
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -172,7 +172,7 @@ def read_table(
         decimal=file.decimal,
         columns=named,
         clock=clock,
-        units={n: "inch → mm" for n in columns if options.units != "mm" and _is_length(n)},
+        units={} if options.units == "mm" else _units_taken(columns, options.units),
         notes=tuple(file.notes),
     )
     found = table.read_from(source.name, [n + 1 for n in file.data_lines], recognised)
@@ -199,6 +199,12 @@ def _clock(columns: Mapping[str, NDArray[Any]]) -> str:
 
 def _is_length(name: str) -> bool:
     return unit_of(name) in ("mm", "mm/min")
+
+
+def _units_taken(columns: Iterable[str], given: str) -> dict[str, str]:
+    """Say from which unit to which the columns of lengths, and of feeds, were taken."""
+    each = {name: unit_of(name) for name in columns if _is_length(name)}
+    return {name: f"{unit.replace('mm', given)} → {unit}" for name, unit in each.items()}
 
 
 def _in_mm(columns: Mapping[str, NDArray[Any]], factor: float) -> dict[str, NDArray[Any]]:

@@ -31,6 +31,7 @@ MIN_SHOWN = 1e-4
 """Share of the variance; smaller contributions count but are not listed."""
 MANY = 100.0  # degrees of freedom from which they are whole
 NEVER_ENDING = 1e6  # beyond, Student's t is the normal distribution to all digits
+EMPTY = "No error or cause with a standard uncertainty was found: there is no budget."
 READINGS = "readings"
 RESOLUTION = "resolution of the readings"
 MODEL = "model selection"
@@ -272,6 +273,8 @@ class Budget(Result):
 
     def sentences(self) -> Sequence[str]:
         """Where the uncertainty comes from, and whether tolerances are kept."""
+        if not self.measurands:
+            return (EMPTY,)
         conformity = self.conformity
         how = (
             "GUM, law of propagation" if self.method == "linear" else f"{self.draws} draws, GUM S1"
@@ -284,6 +287,8 @@ class Budget(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """All quantities; conformity where there are tolerances; one table a quantity."""
+        if not self.measurands:
+            return ()
         conformity = self.conformity
         tables = [self._overview(), *(conformity.tables() if conformity else ())]
         return (*tables, *(_table(m) for m in self.measurands if m.lines))
