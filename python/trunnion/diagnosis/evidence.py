@@ -69,11 +69,14 @@ class Evidence:
         Of the causes; further candidates are terms of structure.
     supposed:
         What acts beside the sets that are weighed then: those that hold a candidate.
+    best:
+        The best score of all sets, of other searches too: those far above it weigh nothing.
     """
 
     search: Search
     count: int
     supposed: Supposed | None = None
+    best: float = math.inf
 
     @cached_property
     def values(self) -> Mapping[int, float]:
@@ -101,10 +104,9 @@ class Evidence:
     def near(self) -> dict[int, tuple[int, ...]]:
         """Masks and blocks of the sets that are near the best score."""
         s, open_ = self.search, self.supposed
+        most = min(s.best, self.best) + TO_WEIGH
         near = {
-            mask: tuple(sorted(s.made[mask]))
-            for mask, score in s.scores.items()
-            if score <= s.best + TO_WEIGH
+            mask: tuple(sorted(s.made[mask])) for mask, score in s.scores.items() if score <= most
         }
         if open_ is None:
             return near

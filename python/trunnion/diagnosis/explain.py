@@ -19,7 +19,7 @@ from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.in_steps import by_probability, chance_as_read
 from trunnion.diagnosis.nearer import search_between
 from trunnion.diagnosis.part_of_wander import part_of_wander
-from trunnion.diagnosis.probability import NEAR_ODDS, Behind, Beside, Only, Probabilities
+from trunnion.diagnosis.probability import NEAR_ODDS, Behind, Only, Probabilities
 from trunnion.diagnosis.processes import processes
 from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Term
 from trunnion.diagnosis.selection import WITHIN, Found, Search, search
@@ -186,10 +186,12 @@ def _explained(case: Case, after: Search | None = None) -> Explanation:
     elif not case.exact(extended) and not case.rounds_to_readings(extended):
         unexplained = alarm_scan.p < SCAN_LEVEL and alarm_scan.holds(SCAN_LEVEL)
         picked = _competing(case, best, extended, unexplained)
+        both, searched = _searched_with(case, picked, chances.search)
         weighed = (unexplained or demanded) and not chances.search.more
-        smooth = processes(case, best) if weighed else []
+        smooth = processes(case, best, searched.best) if weighed else []
         if unexplained or picked or smooth:
-            chances, tried, terms, extended = _with_structure(case, picked, chances.search, smooth)
+            weights = Probabilities(searched, candidates, processes=smooth)
+            chances, (tried, terms, extended) = weights, _with_structure(case, both, weights)
             idle = idle_beside(case, terms, extended, UNDETERMINED_P / candidates.multiplicity)
             bad = {j for j, e in enumerate(case.effects) if e.id in idle}
             if bad := bad or _in_doubt_beside(case, terms, tried, extended):
@@ -400,24 +402,28 @@ def _competing(case: Case, best: Found, extended: Fit, unexplained: bool) -> lis
     return [one for one in competing if one.term not in excluded]
 
 
-def _with_structure(
-    case: Case, picked: list[Competing], first: Search, smooth: list[Beside]
-) -> tuple[Probabilities, list[Found], list[tuple[Term, float]], Fit]:
-    """Let some terms, and smooth processes, compete with the causes: sets of these, best first.
+def _searched_with(case: Case, picked: list[Competing], first: Search) -> tuple[Candidates, Search]:
+    """Let some terms compete with the causes; ``first``: search of the causes alone."""
+    d, c, white = case.dictionary, case.candidates, case.plain.white
+    if not picked:
+        return c, first
+    both = c.beside(
+        [d.variants(*one) for one in picked],
+        np.full(len(picked), d.level),
+        UNNAMED_TERM_PENALTY + by_rounding(case, [one.term for one in picked]),
+    )
+    searched = search(both, white, floor=case.floor, after=first)
+    return both, by_probability(case, searched, tuple(picked))
 
-    ``first``: search of the causes alone.
+
+def _with_structure(
+    case: Case, both: Candidates, chances: Probabilities
+) -> tuple[list[Found], list[tuple[Term, float]], Fit]:
+    """Weigh sets of causes, terms and smooth processes: those of causes, best first, what is left.
+
+    ``both``: the causes and the terms.
     """
-    d, c, plain = case.dictionary, case.candidates, case.plain
-    both, searched = c, first
-    if picked:
-        both = c.beside(
-            [d.variants(*one) for one in picked],
-            np.full(len(picked), d.level),
-            UNNAMED_TERM_PENALTY + by_rounding(case, [one.term for one in picked]),
-        )
-        searched = search(both, plain.white, floor=case.floor, after=first)
-        searched = by_probability(case, searched, tuple(picked))
-    chances = Probabilities(searched, c, processes=smooth)
+    c, searched = case.candidates, chances.search
     likeliest = chances.likeliest or [chances.search.nothing]
     plainly = [f for f in likeliest if not _has_structure(c, f)]
     top = plainly[0] if plainly and chances.unnamed < UNNAMED else likeliest[0]
@@ -429,10 +435,10 @@ def _with_structure(
     fitted = _fit_set(case, both, named[0])
     terms: list[tuple[Term, float]] = []
     # The probability of readings in steps has weighed terms beside causes already.
-    beside = not (picked and searched.more) and Alarm.of_terms(case, fitted).p < SCAN_LEVEL
+    beside = not (both is not c and searched.more) and Alarm.of_terms(case, fitted).p < SCAN_LEVEL
     if _has_structure(c, top) or beside:
         terms = best_terms(case, fitted)
-    return chances, named, terms, fitted
+    return named, terms, fitted
 
 
 def _in_doubt_beside(

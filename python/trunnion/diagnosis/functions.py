@@ -23,6 +23,8 @@ from trunnion.diagnosis.columns import AT_HAND, AT_ONCE, BATCH_NUMBERS, MIN_ROWS
 from trunnion.diagnosis.whitening import Whiten, identity, sizes_of
 
 DEPENDENT = 1e-4  # of a squared unit column, what the fit and the term's other columns leave
+SPANNED = 1e-9  # length of what is left of a column: it is made of others
+MOST_KNOWN = 128  # directions, of many readings
 
 
 @dataclass(frozen=True)
@@ -183,7 +185,10 @@ class Part:
         self._found: dict[int, list[tuple[Integers, Integers, Floats]]] = {}
         self._by_value: dict[Places, Floats] = {}
 
+        self._directions = np.zeros((len(rows), 0))  # orthonormal, products with which are known
+
     wide: Sequence[Wide] = ()  # all terms, once they are complete
+    _along: Sequence[Floats] = ()  # the products with these directions of the terms of each width
 
     def add(self, made: Made, kind: type[np.float32 | np.float64]) -> int:
         """Add terms, functions kept in this precision; how many numbers more these are."""
@@ -258,12 +263,36 @@ class Part:
         own = dict(zip(some, starmap(slice, ends), strict=True))
         return np.array([np.where(x.at < 0, -1, x.at + of.start) for x, of in own.items()]), own
 
+    def beside(self, basis: Floats, r: Floats) -> tuple[list[Floats], list[Floats]]:
+        """:meth:`products` with a basis of what is fitted (n, q), and with r (n, s).
+
+        What is fitted is much the same each time: only what is new of it is multiplied.
+        """
+        own, directions = basis[self.some], self._directions
+        known = list(self._along) or [np.zeros((len(x.gram), 0)) for x in self.wide]
+        new = _new(own, directions)
+        if directions.shape[1] + new.shape[1] > max(MOST_KNOWN, new.shape[1]):
+            directions, known = directions[:, :0], [x[:, :0] for x in known]
+            new = _new(own, directions)
+        made = self._of_some(np.concatenate([new, r[self.some]], axis=1))
+        count = new.shape[1]
+        self._directions = np.concatenate([directions, new], axis=1)
+        self._along = [
+            np.concatenate([x, of_new[:, :count]], axis=1)
+            for x, of_new in zip(known, made, strict=True)
+        ]
+        share = self._directions.T @ own
+        return [x @ share for x in self._along], [x[:, count:] for x in made]
+
     def products(self, r: Floats) -> list[Floats]:
         """Inner products of the columns of the terms of each width with r (n, s), (m c k, s).
 
         What is another measurement's own is zero here, and costs nothing.
         """
-        own = r[self.some]
+        return self._of_some(r[self.some])
+
+    def _of_some(self, own: Floats) -> list[Floats]:
+        """Return :meth:`products` with columns of its readings."""
         seen = own.any(axis=0)
         if seen.any() and seen.all():
             return self._products(own)
@@ -334,3 +363,12 @@ def _white(
         begin = first * len(ways)
         white[begin : begin + columns.shape[1]] = np.asarray(whiten(full))[rows].T
     return Functions(white)
+
+
+def _new(columns: Floats, directions: Floats) -> Floats:
+    """Directions of what orthonormal ones leave of columns: to rounding, twice is enough."""
+    for _ in range(2 if directions.shape[1] else 0):
+        columns = columns - directions @ (directions.T @ columns)
+    seen = np.linalg.norm(columns, axis=0) > SPANNED
+    ways, size, _ = np.linalg.svd(columns[:, seen], full_matrices=False)
+    return np.asarray(ways[:, size > SPANNED])

@@ -241,12 +241,13 @@ class Probabilities:
     @cached_property
     def _weights(self) -> dict[int, float]:
         """Odds of each set against the best one, by its mask."""
-        values = dict(Evidence(self.search, self.candidates.count).values)
+        best = min([self.search.best, *(one.search.best + one.cost for one in self.processes)])
+        values = dict(Evidence(self.search, self.candidates.count, best=best).values)
         for open_, within in self._supposed:
             values = {mask: value for mask, value in values.items() if not open_.within(mask)}
             values |= within.values
         for bit, one in self._beside():
-            own = Evidence(one.search, self.candidates.count).values
+            own = Evidence(one.search, self.candidates.count, best=best - one.cost).values
             for mask, value in own.items():
                 values[mask | bit] = min(value + one.cost, values.get(mask | bit, math.inf))
         least = min(values.values(), default=0.0)

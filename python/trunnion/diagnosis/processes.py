@@ -27,9 +27,10 @@ MAX_REPLACED = 5  # causes of a set, of which any number may be a process instea
 FEW_REPLACED = 2  # of more causes at a time, or all
 
 
-def processes(case: Case, best: Found) -> list[Beside]:
+def processes(case: Case, best: Found, least: float) -> list[Beside]:
     """Return smooth processes that may act instead of causes of the best set, or beside it.
 
+    ``least``: the best score of all sets, with structure too: what is far above is not searched.
     A process is weighed as a cause is: it is one among all candidates, along one of the quantities.
     """
     c, plain = case.candidates, case.plain
@@ -49,7 +50,7 @@ def processes(case: Case, best: Found) -> list[Beside]:
     out = []
     for sets, most in found:
         score, deviances, i = min(sets, key=lambda one: one[0])
-        if score + price < best.score + most:
+        if score + price < min(best.score + most, least + REACH):
             process = quantities[i].process(deviances)
             white = np.asarray(process.whiten(plain.white))
             searched = search(InProcess(c, process.whiten), white, floor=case.floor)

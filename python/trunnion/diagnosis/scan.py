@@ -316,9 +316,13 @@ class Dictionary:
         gain = np.zeros((self.count, several.shape[1]))
         rank = np.zeros(self.count, dtype=np.intp)
         if self._beside is None or self._beside[0] is not basis:
-            self._beside = (basis, [part.products(basis) for part in self._parts])
-        for part, taken in zip(self._parts, self._beside[1], strict=True):
-            for x, t, z in zip(part.wide, taken, part.products(several), strict=True):
+            both = [part.beside(basis, several) for part in self._parts]
+            self._beside = (basis, [taken for taken, _ in both])
+            along = [own for _, own in both]
+        else:
+            along = [part.products(several) for part in self._parts]
+        for part, taken, own in zip(self._parts, self._beside[1], along, strict=True):
+            for x, t, z in zip(part.wide, taken, own, strict=True):
                 gain[x.numbers], rank[x.numbers] = x.gains(t, z)
         gain[self._hidden], rank[self._hidden] = 0.0, 0
         return gain.reshape((-1, *r.shape[1:])), rank

@@ -4,7 +4,7 @@
 //! of the sizes of a set, per unit of noise, is the inverse of the Gram matrix of its columns. What
 //! is made of it, the mean likelihood of a set over all sizes, is `trunnion.diagnosis.evidence`.
 
-use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use nalgebra::{Cholesky, DMatrix, DMatrixView, DVector, SymmetricEigen};
 
 use crate::{Error, Result};
 
@@ -75,65 +75,80 @@ impl Products<'_> {
 
     /// Adds the sizes of a set.
     fn add(&self, set: &[usize], starts: &[usize], counted: &[bool], found: &mut Sizes) {
-        let at: Vec<usize> =
-            set.iter().flat_map(|&b| starts[b]..starts[b] + self.rank[b]).collect();
-        let along = DVector::from_iterator(at.len(), at.iter().map(|&c| self.residual[c]));
-        let (sizes, covariance) = self.determined(set.len(), &at, &along);
-        found.gain.push(along.dot(&sizes));
-        let mut first = 0;
-        let mut some = Vec::with_capacity(at.len());
-        for &block in set {
-            let k = self.rank[block];
-            if counted[block] {
-                some.extend(first..first + k);
-            }
-            let own = covariance.view((first, first), (k, k)).into_owned();
-            found.each.push(log_det(own));
-            found.length.push(sizes.rows(first, k).norm());
-            first += k;
+        // The covariance of the last columns together is seen from the diagonal of the factor.
+        let mut order: Vec<usize> = (0..set.len()).collect();
+        order.sort_by_key(|&i| counted[set[i]]);
+        let mut first = vec![0; set.len()];
+        let mut at = Vec::new();
+        for i in order {
+            first[i] = at.len();
+            at.extend(starts[set[i]]..starts[set[i]] + self.rank[set[i]]);
         }
-        let own = if some.len() == at.len() {
-            covariance
-        } else {
-            covariance.select_columns(&some).select_rows(&some)
-        };
-        found.together.push(log_det(own));
+        let along = DVector::from_iterator(at.len(), at.iter().map(|&c| self.residual[c]));
+        let (sizes, root) = self.determined(set.len(), &at, &along);
+        found.gain.push(along.dot(&sizes));
+        let mut some = 0;
+        for (&block, &first) in set.iter().zip(&first) {
+            let k = self.rank[block];
+            some += if counted[block] { k } else { 0 };
+            let each = root.as_ref().map_or(0.0, |root| log_det(&root.columns(first, k)));
+            found.each.push(each);
+            found.length.push(sizes.rows(first, k).norm());
+        }
+        let ends = (at.len() - some..at.len()).filter_map(|i| Some(root.as_ref()?[(i, i)]));
+        found.together.push(ends.map(|x| 2.0 * x.ln()).sum());
     }
 
-    /// Sizes of some columns, of so many blocks, and their covariance.
+    /// Sizes of some columns, of so many blocks, and the lower root L of their covariance Lᵀ L; none
+    /// where nothing is to be said of that.
     fn determined(
         &self,
         blocks: usize,
         at: &[usize],
         along: &DVector<f64>,
-    ) -> (DVector<f64>, DMatrix<f64>) {
+    ) -> (DVector<f64>, Option<DMatrix<f64>>) {
         let (k, columns) = (at.len(), self.residual.len());
         if blocks < 2 {
-            return (along.clone(), DMatrix::identity(k, k)); // columns of a block are orthonormal
+            return (along.clone(), None); // columns of a block are orthonormal
         }
         let own = DMatrix::from_fn(k, k, |i, j| self.gram[at[i] * columns + at[j]]);
+        // No eigenvalue is below one over the sum of those of the inverse: most need no others.
+        let root = match Cholesky::new(own.clone()).map(|factor| inverse(&factor.unpack())) {
+            Some(root) if root.norm_squared() * self.dependent < 1.0 => {
+                return (root.tr_mul(&(&root * along)), Some(root));
+            }
+            other => other,
+        };
         let SymmetricEigen { eigenvectors: ways, eigenvalues } = SymmetricEigen::new(own);
         let seen = eigenvalues.map(|w| w > self.dependent);
-        let mut weighed = ways.clone();
-        for (i, mut way) in weighed.column_iter_mut().enumerate() {
-            way *= if seen[i] { 1.0 / eigenvalues[i] } else { 0.0 };
+        let mut part = ways.tr_mul(along);
+        for ((x, w), seen) in part.iter_mut().zip(&eigenvalues).zip(&seen) {
+            *x = if *seen { *x / w } else { 0.0 };
         }
-        let covariance = weighed * ways.transpose();
-        let sizes = &covariance * along;
-        if seen.iter().all(|seen| *seen) {
-            (sizes, covariance)
-        } else {
-            (sizes, DMatrix::identity(k, k))
-        }
+        (ways * part, root.filter(|_| seen.iter().all(|seen| *seen)))
     }
 }
 
-/// Logarithm of the determinant of a covariance.
-fn log_det(covariance: DMatrix<f64>) -> f64 {
-    match covariance.nrows() {
+/// Inverse of a lower triangle.
+fn inverse(lower: &DMatrix<f64>) -> DMatrix<f64> {
+    let k = lower.nrows();
+    let mut out = DMatrix::identity(k, k);
+    for i in 0..k {
+        let below = lower.view((i, i), (k - i, k - i));
+        // Where the diagonal has a zero, nothing is left to be said: infinite, and so dependent.
+        if !below.solve_lower_triangular_mut(&mut out.view_mut((i, i), (k - i, 1))) {
+            out.fill(f64::INFINITY);
+        }
+    }
+    out
+}
+
+/// Logarithm of the determinant of a covariance, by columns of its root.
+fn log_det(root: &DMatrixView<'_, f64>) -> f64 {
+    match root.ncols() {
         0 => 0.0,
-        1 => covariance[(0, 0)].max(f64::MIN_POSITIVE).ln(),
-        _ => covariance.lu().lu_internal().diagonal().iter().map(|d| d.abs().ln()).sum(),
+        1 => root.norm_squared().max(f64::MIN_POSITIVE).ln(),
+        _ => root.tr_mul(root).lu().lu_internal().diagonal().iter().map(|d| d.abs().ln()).sum(),
     }
 }
 
