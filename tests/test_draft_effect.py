@@ -67,6 +67,17 @@ def test_structure_is_a_part_of_the_extended_model() -> None:
     assert d.score(with_wave(1)[0]).rms_after_um == pytest.approx(d.gain.rms_after_um, rel=0.05)
 
 
+def test_an_id_of_the_catalogue_is_refused_where_it_is_given() -> None:
+    d = first()
+    with pytest.raises(tn.InputError, match=r"'drift_x', which the catalogue .*has too"):
+        d.draft_effect("drift_x")
+    assert d.draft_effect("rail_wave").id == "rail_wave"
+    two = tn.diagnose([with_wave(1)[0], with_wave(2)[0]], with_wave(1)[1])
+    assert two.structure is not None
+    with pytest.raises(tn.InputError, match=r"'drift_x', which the catalogue .*has too"):
+        two.draft_effect("drift_x")
+
+
 def test_the_model_predicts_with_it() -> None:
     data, setup, _ = with_wave(1)
     d = first()

@@ -33,6 +33,7 @@ from trunnion.diagnosis.contributions import (
 )
 from trunnion.diagnosis.formula import FormulaEffect
 from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.own_effects import acting_in
 from trunnion.diagnosis.records import (
     MAX_PARAMETERS,
     WITHOUT_DATA,
@@ -216,7 +217,8 @@ class Diagnosis(Result):
         Raises
         ------
         InputError
-            Nothing is left unexplained that depends on a recorded quantity.
+            Nothing is left unexplained that depends on a recorded quantity; an id that the
+            catalogue of the data has.
         """
         if self.structure is None:
             found = self.unexplained or "nothing is unexplained"
@@ -228,7 +230,13 @@ class Diagnosis(Result):
         names = getattr(self.model, "measurements", None)  # of several together
         if names is not None:
             draft = draft.of_one(names, self.data)
-        return draft.named(id or draft.id, label or ("" if id else draft.label))
+        named = draft.named(id or draft.id, label or ("" if id else draft.label))
+        if self.data is not None and id:
+            kinds = importlib.import_module("trunnion.models.kinds")
+            for one in self.data if isinstance(self.data, tuple) else (self.data,):
+                if own := acting_in([named], one):
+                    kinds.model_of(one, self.setup, own)
+        return named
 
     def rebuilt_model(self) -> Model:
         """Return the model of the data that was diagnosed, made anew: copies of rows left out.
