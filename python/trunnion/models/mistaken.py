@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from trunnion.data.approach import approach_doubts
 from trunnion.data.axis_log import AxisLog
 from trunnion.data.diameters import Diameters
 from trunnion.data.levels import Levels
@@ -132,6 +133,8 @@ def _mistakes(
         said += _far_places(model, setup)
     if isinstance(data, Levels):
         said += turn_doubts(data)
+    if isinstance(data, Positioning):
+        said += approach_doubts(data)
     if isinstance(setup, Setup) and (doubt := in_other_units(setup.machine.errors)):
         said.append(f"[machine.errors] has {doubt}")
     if unexplained is not None and isinstance(data, AxisLog):

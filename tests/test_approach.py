@@ -1,0 +1,73 @@
+"""A sense of approach that is the other one in every pass is asked about."""
+
+import numpy as np
+import pytest
+
+import trunnion as tn
+
+TARGETS = np.arange(0.0, 500.0, 60.0)
+WORDS = "Is its sign the other one?"
+
+
+def run(seed: int, *, timed: bool) -> tn.Positioning:
+    """Five cycles up and down, with a reversal of 3 µm, in the order of the axis' way."""
+    rng = np.random.default_rng(seed)
+    rows = [
+        (target, sense, cycle)
+        for cycle in range(1, 6)
+        for sense, targets in ((1, TARGETS), (-1, TARGETS[::-1]))
+        for target in targets.tolist()
+    ]
+    target, sense, cycle = map(np.array, zip(*rows, strict=True))
+    off = rng.normal(0.0, 0.3, len(rows)) + 1.5 * sense
+    columns = {
+        "target_mm": target,
+        "measured_mm": target + 1e-3 * off,
+        "direction": sense,
+        "cycle": cycle,
+    }
+    if timed:
+        columns["time_s"] = 20.0 * np.arange(len(rows))
+    return tn.Positioning(columns)
+
+
+def asked(data: tn.Positioning) -> bool:
+    return any(WORDS in said for said in tn.diagnose(data).mistakes)
+
+
+@pytest.mark.parametrize("timed", [True, False])
+def test_the_other_sign_in_every_pass_is_asked_about(timed: bool) -> None:
+    for seed in range(4):
+        data = run(seed, timed=timed)
+        assert not asked(data)
+        assert asked(data.with_columns(direction=-data.direction))
+
+
+def test_rows_in_another_order_or_of_pilgrim_steps_say_nothing() -> None:
+    data = run(7, timed=False)
+    by_target = data[np.lexsort((data.target, data.direction, data.cycle))]
+    assert not asked(by_target)
+    assert not asked(by_target.with_columns(direction=-by_target.direction))
+    pilgrim = data[np.lexsort((-data.direction, data.cycle, data.target))]
+    assert not asked(pilgrim)
+    assert not asked(pilgrim.with_columns(direction=-pilgrim.direction))
+    one_way = data[np.flatnonzero(data.direction == 1)]
+    assert not asked(one_way.with_columns(direction=-one_way.direction))
+
+
+def test_with_times_the_order_is_theirs() -> None:
+    data = run(3, timed=True)
+    mixed = data[np.random.default_rng(3).permutation(len(data))]
+    assert not asked(mixed)
+    assert asked(mixed.with_columns(direction=-mixed.direction))
+
+
+def test_it_is_said_of_its_measurement_among_several() -> None:
+    first, other = run(1, timed=True), run(2, timed=True)
+    two = (
+        first.with_columns(axis=np.full(len(first), "X")),
+        other.with_columns(axis=np.full(len(other), "Y"), direction=-other.direction),
+    )
+    said = [text for text in tn.diagnose(list(two)).mistakes if WORDS in text]
+    assert len(said) == 1
+    assert said[0].startswith("positioning 2")
