@@ -41,6 +41,8 @@ def abscissa(effect: Effect, change: np.ndarray, recorded: dict[str, np.ndarray]
     """
     timed = ("time_s",) if effect.id.startswith(OF_TIME) else ()
     placed = ("target_mm",) if effect.id.startswith("reversal_") else ()
+    if effect.id.startswith("backlash_slope_"):
+        placed = (f"{effect.id[-1]}_mm",)
     of_axis = f"{effect.id.partition('_')[0]}_deg", f"{effect.id.partition('_of_')[2]}_mm"
     for name in (*timed, *placed, *effect.info().needs, *of_axis):
         if name in recorded and not name.endswith("_dir"):

@@ -57,6 +57,7 @@ CARTESIAN = (
     "straightness",
     "setup_shift",
     "lateral_play",
+    "backlash_slope",
 )
 
 
@@ -287,6 +288,9 @@ def _cartesian_error(
         i, j = rng.permutation(pair)
         error[:, i] = -0.5 * way * 3e-3 * sign(rec.velocity[:, j])
         name = f"lateral_play_{'xyz'[i]}_of_{'xyz'[j]}"
+    elif hidden == "backlash_slope":
+        i, j = rng.permutation(pair)
+        name, error[:, i] = _slope_of_backlash(rec, i, j, way, winds_up=rng.random() < 0.5)
     elif hidden == "setup_shift":
         # the cup slips on the table, somewhere in the test: the tool stands off it from there on
         rows = np.flatnonzero(rec.setup == rng.choice(np.unique(rec.setup)))
@@ -301,6 +305,22 @@ def _cartesian_error(
         error[:, i] = way * 5e-3 * np.cos(np.pi / 2 * np.clip(away, -1, 1)) ** 2
         name = None
     return error, name
+
+
+def _slope_of_backlash(
+    rec: Recording, axis: int, across: int, way: float, *, winds_up: bool
+) -> tuple[str, Array]:
+    """A screw of 25 mm that winds up from the bearing at one end, or a carriage that turns.
+
+    What it has in the middle is taken off by the control. Id of the cause and its error, mm.
+    """
+    along = axis if winds_up else across
+    place = rec.points[:, along] - (rec.points[:, along].min() + rec.points[:, along].max()) / 2
+    # to either side: the stretch under 1200 N of friction, or a turn by 3.5 arcsec
+    each = 1200.0 / (206e3 * np.pi / 4 * 25.0**2) if winds_up else 3.5 * ARCSEC
+    letters = "xyz"[axis], "xyz"[across]
+    name = f"backlash_slope_{letters[0]}" + ("" if winds_up else f"_along_{letters[1]}")
+    return name, -way * each * place * sign(rec.velocity[:, axis])
 
 
 def _spike(rec: Recording, axis: int, decay_s: float) -> Array:

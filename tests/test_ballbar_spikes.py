@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 import trunnion as tn
-from trunnion.diagnosis.nearer import search_between
-from trunnion.diagnosis.plain import case_of
 
 RADIUS_MM = 100.0
 PERIOD_S = 0.004
@@ -107,9 +105,9 @@ def test_of_many_readings_sets_are_weighed_at_the_decays_beside_their_causes() -
     for seed in range(40, 43):
         spikes = ((30.0, 0.05), (20.0, 0.05))
         data = circle(seed, 1000.0, spikes, (2.0, 1.0), squareness_arcsec=3.0)
-        case = case_of(tn.BallbarModel(data))
-        best = search_between(case).top
-        names = {case.effects[j].id for j in best.members}
+        found = tn.diagnose(data)
         hidden = {f"{kind}_{axis}" for kind in ("backlash", "reversal_spike") for axis in "xy"}
-        assert names == {*hidden, "squareness_xy"}
-        assert np.sqrt(best.rss / len(data)) < 1.02 * np.hypot(NOISE_UM, 0.1 / np.sqrt(12))
+        assert found.named == {*hidden, "squareness_xy"}
+        assert all(cause.probability > 0.99 for cause in found.causes)
+        assert not found.unexplained
+        assert found.sigma < 1.02 * np.hypot(NOISE_UM, 0.1 / np.sqrt(12))

@@ -88,6 +88,24 @@ FAMILIES = (
         minus=_LOST[1],
     ),
     Family(
+        "backlash",
+        r"backlash_slope_(?P<a>[xyz])",
+        "look at the friction of guide and nut (it winds up a screw that is held at one end, the "
+        "more the farther the nut is), and at the wear of the screw; one value of backlash "
+        "compensation takes off what is left in the middle only.",
+        "the backlash is larger towards +{a}",
+        "the backlash is larger towards −{a}",
+    ),
+    Family(
+        "backlash",
+        r"backlash_slope_[xyz]_along_(?P<a>[xyz])",
+        "the carriage turns a little as the axis turns back: look at the play of its guide (a worn "
+        "or loose side, a drive beside the middle) and take it out there; one value of backlash "
+        "compensation takes off what is left in the middle only.",
+        "the backlash is larger towards +{a}",
+        "the backlash is larger towards −{a}",
+    ),
+    Family(
         "lateral play",
         r"lateral_play_(?P<a>[xyz])_of_(?P<b>[xyz])",
         "look at the play of the guide across its travel (carriages, gibs, their preload and wear) "

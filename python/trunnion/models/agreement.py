@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from trunnion.base.report import rough
 from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.effect import Effect
@@ -163,7 +164,8 @@ def with_contradictions(found: Diagnosis, model: JointModel) -> Diagnosis:
     names = sorted({model.apart[i][1] for i in found.named if i in model.apart})
     if not names:
         return found
-    said = {name: _said(found, model, name).sentence() for name in names}
+    each = {name: _said(found, model, name) for name in names}
+    said = {name: one.sentence() + _elsewhere(found, one) for name, one in each.items()}
     text = f"{APART}: {'; '.join(said.values())}"
     lost = {name: f"{APART}: {one}" for name, one in said.items() if name in found.errors_std}
     unknown = dict.fromkeys(lost, np.inf)
@@ -174,6 +176,22 @@ def with_contradictions(found: Diagnosis, model: JointModel) -> Diagnosis:
         errors_std={**found.errors_std, **unknown},
         not_identifiable={**found.not_identifiable, **lost},
         model=replace(found.model, std_errors={**found.model.std_errors, **unknown}),
+    )
+
+
+def _elsewhere(found: Diagnosis, said: Said) -> str:
+    """Say how far apart the middles are of measurements in which a backlash that grows differs.
+
+    Circles are about the middle of their own coordinates, stops about that of the axis.
+    """
+    kind, _, axis = said.name.rpartition("_")
+    (rate,) = found.effects.get(f"{kind}_slope_{axis}", {"": 0.0}).values()
+    if kind != "backlash" or rate == 0.0:
+        return ""
+    away_mm = 1e3 * float(np.ptp([value for value, _ in said.by_kind.values()])) / abs(rate)
+    return (
+        f", as where their middles are {rough(away_mm)} mm apart along {axis.upper()}: it grows "
+        f"by {rough(abs(rate))} µm/m"
     )
 
 

@@ -37,6 +37,12 @@ from trunnion.models.breaks import break_of, restart_of, zero_shift
 from trunnion.models.warming import warmup
 
 LINEAR, ROTARY = ("x", "y", "z"), ("a", "b", "c")
+OF_LINEAR = {
+    "scale": ("scale", 1.0),
+    "reversal": ("backlash", -1.0),
+    "reversal_slope": ("backlash_slope", -1.0),
+}
+"""What any other measurement calls the errors of a linear axis, before its letter; their sign."""
 OF_ROTARY = {
     "reversal": ("backlash", -1.0),
     "harmonic_1": ("positioning", 1.0),
@@ -164,8 +170,9 @@ class PositioningModel(ReadInTurn):
         axis = _axis(self.data)
         if effect.id in OF_TIME:
             return None
-        if axis in LINEAR and effect.id in ("scale", "reversal"):
-            return (f"scale_{axis}", 1.0) if effect.id == "scale" else (f"backlash_{axis}", -1.0)
+        if axis in LINEAR and effect.id in OF_LINEAR:
+            name, sign = OF_LINEAR[effect.id]
+            return f"{name}_{axis}", sign
         if axis in ROTARY and effect.id in OF_ROTARY:
             name, sign = OF_ROTARY[effect.id]
             return f"{axis}_{name}", sign

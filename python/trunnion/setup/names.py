@@ -171,6 +171,8 @@ def shared_label(id_: str, label: str) -> str:
     letters = axes.upper()
     if kind in ("scale", "backlash") and axes in ("x", "y", "z"):
         return f"{kind} of the {letters} axis"
+    if kind == "backlash_slope" and axes in ("x", "y", "z"):
+        return f"backlash of the {letters} axis that grows along {letters}"
     if id_ in ("a_backlash", "b_backlash", "c_backlash"):
         return f"backlash of the {id_[0].upper()} axis"
     if kind == "squareness" and axes in ("xy", "xz", "yz"):

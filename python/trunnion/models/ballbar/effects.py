@@ -40,6 +40,12 @@ OF_POSITIONING = (
     "{0} says which it is"
 )
 """What circles in one plane show as an arc of the other guide: x² and y² add up to a constant."""
+OF_LATERAL_PLAY = (
+    "a lateral play of the {0} axis in {1} that grows along {0} by as much, and hardly from a "
+    "backlash of the {1} axis that grows along {1} in a curve"
+)
+"""What circles in one plane show as a backlash of an axis that grows along another one: n is along
+the bar, so that n_x·y and n_y·x are the same."""
 MIN_REACH = 1e-3
 """Share of the bar along an axis, from which it shows the centre there."""
 MIN_PITCH_MM = 4.0
@@ -193,7 +199,7 @@ def _straightness(path: Path, bar: Bar, into: int, along: int) -> Effect:
 
 
 def _reversal(path: Path, bar: Bar, axis: int) -> list[Effect]:
-    """Backlash, lateral play and reversal spike of an axis that travels both ways."""
+    """Backlash, how it grows, lateral play and reversal spike of an axis that travels both ways."""
     sign = path.both_ways(axis)
     if sign is None:
         return []
@@ -208,7 +214,28 @@ def _reversal(path: Path, bar: Bar, axis: int) -> list[Effect]:
         if a != axis
     }
     out = [linear(name, ["b_um"], behind[:, a], label) for name, (a, label) in play.items()]
+    out += _backlash_slopes(path, behind[:, axis], axis)
     return out + _spike(path, bar, axis, sign)
+
+
+def _backlash_slopes(path: Path, behind: Floats, axis: int) -> list[Effect]:
+    """What a backlash has more than in the middle of the travel, along its axis and across.
+
+    Without times none: a ball-bar that warms up looks so. behind: What a backlash of 1 µm makes.
+    """
+    out: list[Effect] = []
+    if path.hours is None or np.ptp(path.hours) == 0:
+        return out
+    for along in sorted(path.moving, key=lambda a: a != axis):
+        name, of, over = f"backlash_slope_{AXES[axis]}", AXES[axis].upper(), AXES[along].upper()
+        label, looks_like = f"backlash of the {of} axis that grows along {over}", ""
+        if along != axis:
+            name += f"_along_{AXES[along]}"
+            looks_like = OF_LATERAL_PLAY.format(of, over) if len(path.moving) == 2 else ""
+        further = 1e-3 * (path.tips[:, along] - path.used.middle_mm[along])
+        more = {"looks_like": looks_like, "needs": ("time_s",)}
+        out.append(linear(name, ["rate_um_m"], behind * further, label, **more))
+    return out
 
 
 def _spike(path: Path, bar: Bar, axis: int, sign: Floats) -> list[Effect]:
