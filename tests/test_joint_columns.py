@@ -165,3 +165,23 @@ def test_noise_of_a_log_from_causes_one_by_one_is_that_of_its_own_diagnosis(
 
 def test_a_cause_that_is_banned_costs_infinitely_much_without_a_warning() -> None:
     assert np.array_equal(cost(np.array([np.inf, 4.0]), np.array([2, 2]), 40) > 1e9, [True, False])
+
+
+def test_gains_beside_one_fit_after_another_are_those_beside_each_alone() -> None:
+    """Products with what was fitted before are kept, and dropped where they are many."""
+    made = drawn(("touches", "positioning"), 3, 47)
+    case = case_of(model_of(list(made.data), made.setup))
+    d, rng, n = case.dictionary, np.random.default_rng(48), len(case.rows)
+    basis = case.plain.basis
+    for further in (0, 1, 2, 7, 40, 3, 40, 40, 0):
+        more = rng.normal(size=(n, further))
+        fitted = np.linalg.qr(np.concatenate([basis, more], axis=1))[0]
+        r = rng.normal(size=n)
+        r -= fitted @ (fitted.T @ r)
+        gain, rank = d.gains(r, fitted)
+        for term in range(0, d.count, 41):
+            own = d.block(term)
+            left = own - fitted @ (fitted.T @ own)
+            if rank[term] == own.shape[1] == np.linalg.matrix_rank(left, tol=1e-3):
+                sizes = np.linalg.lstsq(left, r, rcond=None)[0]
+                assert gain[term] == pytest.approx(float(r @ left @ sizes), rel=1e-5, abs=1e-9)

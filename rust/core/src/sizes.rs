@@ -199,6 +199,35 @@ mod tests {
     }
 
     #[test]
+    fn columns_that_hardly_differ_determine_sizes_up_to_the_limit() -> Tested {
+        // Two pairs of columns; the inverse of the smallest eigenvalue is half of all of them.
+        let near = 1.0 - 1.5e-4;
+        let gram = [
+            [1.0, near, 0.0, 0.0],
+            [near, 1.0, 0.0, 0.0],
+            [0.0, 0.0, 1.0, near],
+            [0.0, 0.0, near, 1.0],
+        ]
+        .concat();
+        let residual = [1.0, near, 0.0, 0.0];
+        let of =
+            |dependent| Products { rank: &[1; 4], gram: &gram, residual: &residual, dependent };
+        let each = -(1.0 - near * near).ln();
+        for dependent in [1e-5, 1e-4] {
+            let found = of(dependent).sizes(&[vec![0, 1, 2, 3]], &[true, true, false, true])?;
+            assert!((found.gain[0] - 1.0).abs() < 1e-9, "{found:?}");
+            assert!((found.together[0] - 2.0 * each).abs() < 1e-9, "{found:?}");
+            assert!(found.each.iter().all(|x| (x - each).abs() < 1e-9), "{found:?}");
+            for (length, truth) in found.length.iter().zip([1.0, 0.0, 0.0, 0.0]) {
+                assert!((length - truth).abs() < 1e-9, "{found:?}");
+            }
+        }
+        let found = of(2e-4).sizes(&[vec![0, 1, 2, 3]], &[true; 4])?;
+        assert_eq!((found.together[0], found.each), (0.0, vec![0.0; 4]));
+        Ok(())
+    }
+
+    #[test]
     fn only_counted_blocks_are_in_the_covariance_together() -> Tested {
         let found = OF.sizes(&[vec![0, 1]], &[false, true, true])?;
         assert!((found.together[0] + 0.64_f64.ln()).abs() < 1e-12);
