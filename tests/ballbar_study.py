@@ -23,6 +23,7 @@ from ballbar_twin import (
     Recording,
     arc,
     cartesian_lengths,
+    columns_of,
     hybrid_lengths,
     leg_travel,
     nominal_joints,
@@ -229,16 +230,7 @@ def cartesian_cases(
         names.append(name)
     lengths = cartesian_lengths(rec, rng, sigma_um=sigma_um, motion=lambda _: error)
     z = {} if flat else {"z_mm": rec.points[:, 2]}
-    table = tn.Ballbar(
-        setup=rec.setup,
-        x_mm=rec.points[:, 0],
-        y_mm=rec.points[:, 1],
-        length_mm=lengths,
-        sense=rec.sense,
-        feed_mm_min=np.full(len(lengths), 1000.0),
-        time_s=rec.time_s,
-        **z,
-    )
+    table = tn.Ballbar(**columns_of(rec, lengths), feed_mm_min=np.full(len(lengths), 1000.0), **z)
     return table, names
 
 

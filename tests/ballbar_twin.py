@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -273,3 +274,15 @@ def _centre(rec: Recording, setup: int) -> Array:
     first = rows & (rec.run == rec.run[rows].min())
     p = rec.points[first]
     return np.asarray((p.max(axis=0) + p.min(axis=0)) / 2)
+
+
+def columns_of(rec: Recording, length_mm: Array) -> dict[str, NDArray[Any]]:
+    """Columns of a recording in XY, with the lengths that the bar showed."""
+    return {
+        "setup": rec.setup,
+        "x_mm": rec.points[:, 0],
+        "y_mm": rec.points[:, 1],
+        "length_mm": length_mm,
+        "sense": rec.sense,
+        "time_s": rec.time_s,
+    }

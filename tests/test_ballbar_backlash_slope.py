@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import trunnion as tn
-from ballbar_twin import Recording, cartesian_lengths, record, sign
+from ballbar_twin import Recording, cartesian_lengths, columns_of, record, sign
 from test_ballbar_lateral_play import circles, pulls, sure
 from trunnion.diagnosis.families import family_of, meaning
 
@@ -79,15 +79,10 @@ def measured(
         sigma_um=NOISE_UM,
         motion=lambda r: sum((c.moved_mm(r, middle) for c in causes), np.zeros_like(r.points)),
     )
-    return tn.Ballbar(
-        setup=rec.setup,
-        x_mm=rec.points[:, 0],
-        y_mm=rec.points[:, 1],
-        length_mm=length,
-        sense=rec.sense,
-        feed_mm_min=np.full(len(length), 1000.0),
-        **({"time_s": rec.time_s} if times else {}),
-    )
+    columns = columns_of(rec, length) | {"feed_mm_min": np.full(len(length), 1000.0)}
+    if not times:
+        del columns["time_s"]
+    return tn.Ballbar(columns)
 
 
 @pytest.mark.parametrize("axis", [0, 1])
@@ -187,8 +182,8 @@ def test_circles_at_two_places_are_of_one_machine() -> None:
     screw = Screw(0, 400.0)
 
     class Same(Screw):
-        def moved_mm(self, rec: Recording, middle: np.ndarray) -> np.ndarray:  # noqa: ARG002
-            return super().moved_mm(rec, np.zeros(3))
+        def moved_mm(self, rec: Recording, middle: np.ndarray) -> np.ndarray:
+            return super().moved_mm(rec, np.zeros_like(middle))
 
     for seed in range(90, 94):
         data = [

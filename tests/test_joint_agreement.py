@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import trunnion as tn
-from ballbar_twin import cartesian_lengths, record
+from ballbar_twin import cartesian_lengths, columns_of, record
 from positioning_twin import axis
 
 Rng = np.random.Generator
@@ -26,14 +26,7 @@ def circle(
     ahead[:, :2] = 1e-6 * place[:, :2] * scale - 0.5e-3 * np.sign(along) * backlash
     ahead[:, 0] -= np.pi / 648000 * square * place[:, 1]
     lengths = cartesian_lengths(rec, rng, sigma_um=0.3, motion=lambda _: ahead)
-    return tn.Ballbar(
-        setup=rec.setup,
-        x_mm=rec.points[:, 0],
-        y_mm=rec.points[:, 1],
-        length_mm=lengths,
-        sense=rec.sense,
-        time_s=rec.time_s,
-    )
+    return tn.Ballbar(columns_of(rec, lengths))
 
 
 def stops(rng: Rng, letter: str, ppm: float, backlash: float) -> tn.Positioning:

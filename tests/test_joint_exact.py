@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import trunnion as tn
-from ballbar_twin import cartesian_lengths, record
+from ballbar_twin import cartesian_lengths, columns_of, record
 from positioning_twin import axis
 from power.measured_twin import make_points
 from power.study import ground
@@ -61,14 +61,7 @@ def exact_touches_beside_ballbar(rng: Rng, seed: int) -> Case:
     rec = record(spot, step_deg=8.0, arcs=(("XY", 0, 360),))
     error = 1e-6 * (rec.points - spot) * [ppm["scale_x"], ppm["scale_y"], 0.0]
     lengths = cartesian_lengths(rec, rng, sigma_um=0.3, motion=lambda _: error)
-    noisy = tn.Ballbar(
-        setup=rec.setup,
-        x_mm=rec.points[:, 0],
-        y_mm=rec.points[:, 1],
-        length_mm=lengths + 2e-3,
-        sense=rec.sense,
-        time_s=rec.time_s,
-    )
+    noisy = tn.Ballbar(columns_of(rec, lengths + 2e-3))
     return [exact, noisy], {*ppm, "ballbar:ballbar_length"}, {"ballbar:ballbar_length"}
 
 

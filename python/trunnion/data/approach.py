@@ -14,7 +14,7 @@ def approach_doubts(data: Positioning) -> list[str]:
     From stop to stop of a pass the axis goes the way that it approaches. A run with steps back
     (ISO 230-2, pilgrim steps) has none of one sense, and rows in order of the targets agree in one.
     """
-    rows = np.arange(len(data)) if data.time_s is None else np.argsort(data.time_s, kind="stable")
+    rows = data.in_time
     step = np.diff(data.target[rows])
     sense, cycle = data.direction[rows], data.cycle[rows]
     same = (sense[1:] == sense[:-1]) & (cycle[1:] == cycle[:-1]) & (step != 0)

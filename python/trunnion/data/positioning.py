@@ -111,6 +111,12 @@ class Positioning(Table):
         )
 
     @property
+    def in_time(self) -> Integers:
+        """Rows in the order of their times, (n,); without times in that of the rows."""
+        rows = np.arange(len(self))
+        return rows if self.time_s is None else np.argsort(self.time_s, kind="stable")
+
+    @property
     def stops(self) -> tuple[Floats, Integers]:
         """Distinct targets in ascending order, (m,), and the number of each row's, (n,).
 

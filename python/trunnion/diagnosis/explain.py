@@ -190,8 +190,8 @@ def _explained(case: Case, after: Search | None = None) -> Explanation:
         weighed = (unexplained or demanded) and not chances.search.more
         smooth = processes(case, best, searched.best) if weighed else []
         if unexplained or picked or smooth:
-            weights = Probabilities(searched, candidates, processes=smooth)
-            chances, (tried, terms, extended) = weights, _with_structure(case, both, weights)
+            chances = Probabilities(searched, candidates, processes=smooth)
+            tried, terms, extended = _with_structure(case, both, chances)
             idle = idle_beside(case, terms, extended, UNDETERMINED_P / candidates.multiplicity)
             bad = {j for j, e in enumerate(case.effects) if e.id in idle}
             if bad := bad or _in_doubt_beside(case, terms, tried, extended):

@@ -24,7 +24,7 @@ from trunnion.diagnosis.whitening import Whiten, identity, sizes_of
 
 DEPENDENT = 1e-4  # of a squared unit column, what the fit and the term's other columns leave
 SPANNED = 1e-9  # length of what is left of a column: it is made of others
-MOST_KNOWN = 128  # directions, of many readings
+MAX_DIRECTIONS = 128  # with which products are kept, of many readings
 
 
 @dataclass(frozen=True)
@@ -184,7 +184,6 @@ class Part:
         self._first = [0]  # function of each, and the count of all
         self._found: dict[int, list[tuple[Integers, Integers, Floats]]] = {}
         self._by_value: dict[Places, Floats] = {}
-
         self._directions = np.zeros((len(rows), 0))  # orthonormal, products with which are known
 
     wide: Sequence[Wide] = ()  # all terms, once they are complete
@@ -271,7 +270,7 @@ class Part:
         own, directions = basis[self.some], self._directions
         known = list(self._along) or [np.zeros((len(x.gram), 0)) for x in self.wide]
         new = _new(own, directions)
-        if directions.shape[1] + new.shape[1] > max(MOST_KNOWN, new.shape[1]):
+        if directions.shape[1] + new.shape[1] > max(MAX_DIRECTIONS, new.shape[1]):
             directions, known = directions[:, :0], [x[:, :0] for x in known]
             new = _new(own, directions)
         made = self._of_some(np.concatenate([new, r[self.some]], axis=1))

@@ -450,8 +450,7 @@ def _seconds(data: Positioning) -> Floats | None:
 
 def _after_break(data: Positioning) -> Flags:
     """Which stops come after the run was begun again, else after a break; none: in one go."""
-    cycle, time_s = np.asarray(data.cycle), data.time_s
-    order = np.arange(len(data)) if time_s is None else np.argsort(time_s, kind="stable")
+    cycle, time_s, order = np.asarray(data.cycle), data.time_s, data.in_time
     stop = 2 * data.stops[1] + (data.direction > 0)
     again = restart_of(cycle[order], stop[order])
     if again is not None:
