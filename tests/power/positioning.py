@@ -229,14 +229,51 @@ def twisted(w: Places, _: np.random.Generator) -> tuple[Floats, Floats]:
     return np.zeros(len(w.place)), w.place - LENGTH_MM / 2
 
 
+def twice(_: np.random.Generator) -> Places:
+    """There with the level one way, then again with it turned."""
+    return in_passes([(1, 1), (1, -1)], 0.0)
+
+
+def again(rng: np.random.Generator) -> Places:
+    """More often: both ways two times, two or three times one way, or there and back one way."""
+    plans = [
+        [(1, 1), (1, 1)],
+        [(1, 1), (1, -1), (1, 1), (1, -1)],
+        [(1, 1), (1, 1), (1, 1)],
+        [(1, 1), (-1, 1)],
+    ]
+    return in_passes(plans[rng.integers(len(plans))], float(rng.uniform(20.0, 150.0)))
+
+
+def in_passes(passes: list[tuple[int, int]], pause_s: float) -> Places:
+    """Passes, each there (1) or back (-1), and of a sense of the level; with pauses between."""
+    p = STEP_MM * (0.5 + np.arange(PLACES))
+    number = np.repeat(np.arange(len(passes)), PLACES)
+    return Places(
+        np.concatenate([p[::way] for way, _ in passes]),
+        np.array([float(s) for _, s in passes])[number],
+        20.0 * np.arange(len(number)) + pause_s * number,
+    )
+
+
+def set_again(w: Places, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    """The level was set to zero, or put down hard, before a pass: both components, all later."""
+    number = np.arange(len(w.place)) // PLACES
+    later = number >= rng.integers(1, number[-1] + 1)
+    sizes = rng.choice([-1.0, 1.0], 2) * rng.uniform(0.5, 1.5, 2)
+    shifts = w.sense * later * sizes[:, None]  # of the instrument
+    return shifts[0], shifts[1]
+
+
 def levels(
-    hidden: Callable[..., tuple[Floats, Floats]] | None, rng: np.random.Generator
+    hidden: Callable[..., tuple[Floats, Floats]] | None,
+    rng: np.random.Generator,
+    way: Callable[[np.random.Generator], Places] = twice,
 ) -> tn.Levels:
     """Readings with a disturbance of `SIZE` sigma beside an inclination."""
-    p = STEP_MM * (0.5 + np.arange(PLACES))
-    sense = np.repeat([1.0, -1.0], PLACES)
-    w = Places(np.tile(p, 2), sense, 20.0 * np.arange(2 * PLACES))
-    change = np.zeros((2, 2 * PLACES))
+    w = way(rng)
+    sense = w.sense
+    change = np.zeros((2, len(sense)))
     if hidden is not None:
         change = np.stack(hidden(w, rng))
         off = change - (change @ np.ones_like(sense) / len(sense))[:, None]
@@ -250,6 +287,13 @@ def levels(
         turn_deg=np.where(sense > 0, 0, 180),
         time_s=w.time,
     )
+
+
+def read_again(
+    hidden: Callable[..., tuple[Floats, Floats]] | None, rng: np.random.Generator
+) -> tn.Levels:
+    """The same of places that were read in several passes."""
+    return levels(hidden, rng, again)
 
 
 # --- counting
@@ -302,6 +346,12 @@ ROWS = {
     "axis, begun again: heat diffuses along the screw": Row(
         begun_again, diffusing_heat, OF_TIME, LENGTHS
     ),
+    "level, read again: nothing": Row(read_again),
+    "level, read again: zero set again": Row(read_again, set_again, frozenset({"zero_shift"})),
+    "level, read again: the level warms with the root of time": Row(
+        read_again, warming_level, frozenset({"drift"}), frozenset({"instrument_zero"})
+    ),
+    "level, read again: bow (=)": Row(read_again, parabola, frozenset({"bow"})),
 }
 
 
@@ -357,7 +407,10 @@ HEAD = """# How often a diagnosis of positioning and levels is right
 Made by `make power-positioning`. The disturbances are not those of the catalogue, except in rows
 marked "=": the pitch of a screw that wanders by chance, the heat equation, a beam between supports,
 torsion; `tests/power/positioning.py` has them, and says what each column counts. Hidden: 3 σ rms.
-"Right" in rows with nothing hidden: called consistent.
+"Right" in rows with nothing hidden: called consistent. "Read again": in two or three passes one
+way, there and back, or two times both ways. Where one foot turns the bed a twist is named in 98 %
+of runs (177 of 180, seeds 1 to 3), with a mean probability of 95 %; sets without it stay possible,
+as a smooth shape has a straight part of its own.
 
 | hidden | runs | family right (95 %) | nothing false | false without a doubt | missed | CPU ms |
 |---|---|---|---|---|---|---|

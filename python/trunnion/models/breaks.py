@@ -3,7 +3,8 @@
 A run that was aborted and begun again has other zeros of its axes: all that comes later is off by a
 constant. A drift over a break of hours does the same to readings that take minutes, so that both
 are candidates of one parameter each. Readings that come in cycles show a break without times, too:
-a cycle that was left before its end begins again.
+a cycle that was left before its end begins again. So do places that are read in passes: an
+instrument may be set to zero before each.
 """
 
 from __future__ import annotations
@@ -76,6 +77,28 @@ def restart_of(cycle: Integers, stop: Integers) -> int | None:
             found = row if MIN_READINGS <= row <= len(cycle) - MIN_READINGS else found
             start = row
     return found
+
+
+def passes_of(place: Integers) -> Integers:
+    """Return the readings with which a further pass begins: it goes to a place that was left.
+
+    Of the readings of a place at which it turns half belong to each pass. What has fewer than
+    `MIN_READINGS` is no pass, but readings that were repeated.
+
+    place: Of each reading, in the order of time.
+    """
+    starts, left, stays = [0], set[int](), 0
+    for row, at in enumerate(map(int, place)):
+        if row and at == place[row - 1]:
+            stays += 1
+            continue
+        if at in left:
+            starts.append(row - (stays + 1) // 2)
+            left.clear()
+        left.add(at)
+        stays = 0
+    long = np.diff([*starts, len(place)]) >= MIN_READINGS
+    return np.asarray(starts[1:], dtype=np.intp)[long[:-1] & long[1:]]
 
 
 def zero_shift(letter: str, columns: Floats, size: str = ZERO) -> Effect:

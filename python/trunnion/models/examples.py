@@ -114,12 +114,20 @@ def surface_levels() -> tuple[Levels, None]:
     return _turned_level(x_mm=x, y_mm=y), None
 
 
-def _turned_level(**places_mm: Floats) -> Levels:
-    """Readings at places, (n,) each, with the instrument one way, and again with it turned."""
-    sense = np.repeat([1.0, -1.0], len(next(iter(places_mm.values()))))
+def levels_read_again() -> tuple[Levels, None]:
+    """Twelve places of a line, with the instrument one way and turned, and both again."""
+    return _turned_level(2, position_mm=100.0 * np.arange(1.0, 13.0)), None
+
+
+def _turned_level(times: int = 1, **places_mm: Floats) -> Levels:
+    """Readings at places, (n,) each, with the instrument one way, and again with it turned.
+
+    times: All of that.
+    """
+    sense = np.tile(np.repeat([1.0, -1.0], len(next(iter(places_mm.values())))), times)
     noise = NOISE_UM * _normal((2, len(sense)))
     return Levels(
-        **{name: np.tile(place, 2) for name, place in places_mm.items()},
+        **{name: np.tile(place, 2 * times) for name, place in places_mm.items()},
         along_um_m=30.0 * sense + noise[0],
         across_um_m=-12.0 * sense + noise[1],
         turn_deg=np.where(sense > 0, 0.0, 180.0),

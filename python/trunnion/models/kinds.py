@@ -91,7 +91,7 @@ class Kind:
 
 _MORE_EXAMPLES = {
     "ballbar": ("hybrid_ballbar",),
-    "levels": ("surface_levels",),
+    "levels": ("levels_read_again", "surface_levels"),
     "points": ("points_in_two_parts",),
     "positioning": ("positioning_in_two_parts",),
     "rotary_test": ("rotary_bars",),

@@ -26,6 +26,7 @@ from trunnion.diagnosis.model import FINEST_NOISE, Covariate, Model, Nuisance, R
 from trunnion.diagnosis.own_effects import with_own
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
+from trunnion.models.breaks import break_of, passes_of
 
 MAX_KINKS = 200  # places that are tried for a kink
 MIN_PLACES = 4
@@ -35,8 +36,9 @@ SAME_PLACE = 1e-9  # feet
 MAX_DEGREE = 4
 PLACES_PER_DEGREE = 4
 MIN_APART = 0.05  # of the variance of time, beside the place, from which a drift is looked for
+SHIFT = "zero_shift"
 SURFACE = "levels say how a surface is, not how an axis moves"
-IDS = ("instrument_zero", "drift", "twist", "bow", "kink", "kink_x", "kink_y", "field")
+IDS = ("instrument_zero", "drift", SHIFT, "twist", "bow", "kink", "kink_x", "kink_y", "field")
 NOT_TURNED = (
     "The instrument was not turned by 180 degrees: its zero and the inclination of the surface are "
     "not distinguished."
@@ -254,10 +256,15 @@ def _elapsed(data: Levels) -> tuple[str, Floats] | None:
     unit, time = "um_m", np.linspace(0.0, 1.0, len(data))
     if data.time_s is not None:
         unit, time = "um_m_h", elapsed_s(data.time_s) / 3600.0
+    return (unit, time) if _apart(data, time) else None
+
+
+def _apart(data: Levels, column: Floats) -> bool:
+    """Whether a zero, an inclination, a twist and a bow make another than a column (n,)."""
     s = data.sense[:, None]
     shape = np.hstack([np.ones_like(s), s, s * data.places_mm])
-    off = time - shape @ np.linalg.lstsq(shape, time, rcond=None)[0]
-    return (unit, time) if off @ off > MIN_APART * len(time) * float(np.var(time)) else None
+    off = column - shape @ np.linalg.lstsq(shape, column, rcond=None)[0]
+    return bool(off @ off > MIN_APART * len(column) * float(np.var(column)))
 
 
 def _hours(data: Levels) -> Floats:
@@ -298,6 +305,7 @@ def _catalogue(rows: _Rows, frame: _Frame) -> list[Effect]:
         names = [f"{c}_{unit}" for c in data.components]
         columns = rows.each(time[rows.row])
         out.append(linear("drift", names, columns, "drift of the level", owner=Owner.TIME))
+    out += _zero_shift(rows)
     out += _of_shape(rows, frame)
     out += _kinks(rows)
     if frame.smooth is not None:
@@ -309,6 +317,36 @@ def _catalogue(rows: _Rows, frame: _Frame) -> list[Effect]:
         label = "smooth shape of the surface without a name"
         out.append(linear("field", names, columns, label))
     return out
+
+
+def _zero_shift(rows: _Rows) -> list[Effect]:
+    """Another zero from a break on, or from a pass on, as far as it differs from a zero of all.
+
+    Two passes between which the level was turned do not show it: there it is a zero of the level
+    and an inclination.
+    """
+    data = rows.data
+    name = "row" if data.time_s is None else "t0_s"
+    when = np.arange(float(len(data))) if data.time_s is None else np.asarray(data.time_s)
+    order = np.argsort(when, kind="stable")
+    first = passes_of(data.stations[1][order])
+    moments = list((when[order[first - 1]] + when[order[first]]) / 2)
+    if data.time_s is not None and (t0_s := break_of(when)) is not None:
+        moments.append(t0_s)
+    grid = tuple(float(t) for t in np.unique(moments) if _apart(data, when > t))
+    if not grid:
+        return []
+    names = [f"d_{c}_um_m" for c in data.components]
+    label = "zero of the level, set again between passes or in a break"
+    shape = _FromThenOn(name, when[rows.row], rows.each())
+    if len(grid) == 1:
+        return [linear(SHIFT, names, shape.columns({name: grid[0]}), label, owner=Owner.PLACEMENT)]
+    at = Parameter(name, grid=grid, bounds=(float(np.min(when)), float(np.max(when))))
+    return [
+        gridded(
+            SHIFT, [*names, at], shape.columns, label, slopes=shape.slopes, owner=Owner.PLACEMENT
+        )
+    ]
 
 
 def _of_shape(rows: _Rows, frame: _Frame) -> list[Effect]:
@@ -380,6 +418,23 @@ def _straight_part(data: Levels, frame: _Frame, field: Mapping[str, float]) -> F
     straight = frame.scaled(rows.place) / np.std(stations, axis=0)
     each = [rows.each(rows.sense * column) * sizes for column in straight.T]
     return np.concatenate(each, axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class _FromThenOn:
+    """Columns ``enters`` from a moment on; ``when``: of each reading, called ``name``."""
+
+    name: str
+    when: Floats
+    enters: Floats
+
+    def columns(self, values: Mapping[str, float]) -> Floats:
+        """Columns of the shift, (N, k)."""
+        return np.asarray((self.when > values[self.name])[:, None] * self.enters)
+
+    def slopes(self, _: Mapping[str, float]) -> Floats:
+        """No derivative by the moment, (N, 1)."""
+        return np.zeros((len(self.when), 1))
 
 
 @dataclass(frozen=True, eq=False)
