@@ -147,12 +147,13 @@ def products(parts: Sequence[Floats | Part], r: Floats) -> Floats:
     Parts beside a basis are beside the same one.
     """
     arrays = iter(inners([x for x in parts if isinstance(x, np.ndarray)], r))
-    basis = next((x.basis.T @ r for x in parts if isinstance(x, Beside)), None)
+    beside = (x for x in parts if isinstance(x, Beside) and x.of_basis is not None)
+    basis = next((x.basis.T @ r for x in beside), None)
     found = []
     for x in parts:
         if isinstance(x, np.ndarray):
             found.append(next(arrays))
-        elif isinstance(x, Beside) and basis is not None:
+        elif isinstance(x, Beside):
             found.append(x.along(r, basis))
         else:
             found.append(x.times(r))

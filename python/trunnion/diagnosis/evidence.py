@@ -238,12 +238,16 @@ def _of_unknown_noise(dof: int, columns: Floats) -> Floats:
 def _log_mean_of_directions(x: Floats, columns: int) -> Floats:
     """Logarithm of the mean of exp(x cos a - x) over all directions of vectors of so many columns.
 
-    A Bessel function; x is not negative.
+    A Bessel function, of few columns one of a simpler form; x is not negative.
     """
     if columns == 1:
         return np.asarray(np.log1p(np.exp(-2 * x)) - math.log(2))
     order, x = columns / 2 - 1, np.maximum(x, 1e-9)
-    turned = special.ive(order, x)
+    if columns == 2:
+        return np.asarray(np.log(special.i0e(x)))
+    if columns == 3:
+        return np.asarray(np.log(-np.expm1(-2 * x) / (2 * x)))
+    turned = special.i1e(x) if columns == 4 else special.ive(order, x)
     mean = np.log(np.maximum(turned, TINY)) + order * np.log(2 / x) + math.lgamma(columns / 2)
     # it underflows far below its order
     return np.where(turned > TINY, mean, x**2 / (2 * columns) - x)

@@ -32,7 +32,7 @@ COMPANIES = 4  # best sets, beside whose causes places are sought
 MAX_ROUNDS = 3
 
 _Places = tuple[tuple[float, ...], ...]  # candidate and place of each of some blocks
-_Key = tuple[_Places, _Places]  # beside which, and where
+_Key = tuple[_Places, tuple[float, ...]]  # beside which; the candidate, and about what places
 
 
 def search_between(case: Case) -> Search:
@@ -80,9 +80,9 @@ def _beside_others(
         if free is None:
             continue
         seen = _that_matter(c, rest, near)
-        key = _places(case, c, seen), _places(case, c, near)
+        about = [case.values[j][v][free.name] for v in c.variant[near].tolist()]
+        key = _places(case, c, seen), (j, *about)
         if (along := looked_at.get(key)) is None:
-            about = [case.values[j][v][free.name] for v in c.variant[near].tolist()]
             along = Along.of(case, case.effects[j], free, _beside(alone, c, seen), about)
             looked_at[key] = along
         together = [*rest, int(near[0])]

@@ -73,45 +73,58 @@ class Orthonormal:
     def joined(made: "list[Orthonormal]", basis: Floats) -> "tuple[Beside, Integers]":
         """Return the columns of several, of the same readings, and the rank of each block."""
         own, rank = (np.concatenate(x) for x in zip(*((m.own, m.rank) for m in made), strict=True))
-        return Beside(own, made[0].at, basis, np.zeros((len(own), basis.shape[1]))), rank
+        return Beside(own, made[0].at, basis), rank
 
 
 @dataclass(frozen=True, eq=False)
 class Beside:
     """Columns of some readings, ``own`` (M, m), less their share ``of_basis`` (M, p) in a basis.
 
-    The basis is of all readings, (n, p), and so is what is left.
+    The basis is of all readings, (n, p), and so is what is left; None: they have no share in it.
     """
 
     own: Floats
     at: slice
     basis: Floats
-    of_basis: Floats
+    of_basis: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.own)
 
     def __getitem__(self, some: slice) -> Floats:
         """Columns themselves, (k, n)."""
+        own = self.own[some]
+        if self.of_basis is None:
+            out = np.zeros((len(own), len(self.basis)))
+            out[:, self.at] = own
+            return out
         out = -(self.of_basis[some] @ self.basis.T)
-        out[:, self.at] += self.own[some]
+        out[:, self.at] += own
         return np.asarray(out)
 
     def times(self, r: Floats) -> Floats:
         """Inner products of the columns with residuals (n,) or (n, s)."""
-        return self.along(r, self.basis.T @ r)
+        return self.along(r, None if self.of_basis is None else self.basis.T @ r)
 
-    def along(self, r: Floats, basis: Floats) -> Floats:
-        """Return the same; ``basis``: inner products of the basis with them."""
-        return np.asarray(product_of_seen(self.own, r[self.at]) - self.of_basis @ basis)
+    def along(self, r: Floats, basis: Floats | None) -> Floats:
+        """Return the same; ``basis``: inner products of the basis with them, if it is needed."""
+        own = product_of_seen(self.own, r[self.at])
+        return own if self.of_basis is None or basis is None else own - self.of_basis @ basis
 
     def inner(self, some: slice, others: slice) -> Floats:
         """Inner products of some columns with others, (k, l)."""
-        shared = self.of_basis[some] @ self.of_basis[others].T
-        return np.asarray(self.own[some] @ self.own[others].T - shared)
+        own = np.asarray(self.own[some] @ self.own[others].T)
+        if self.of_basis is None:
+            return own
+        return np.asarray(own - self.of_basis[some] @ self.of_basis[others].T)
 
     def neighbours(self, some: slice, k: int) -> Floats:
         """Inner products of each k of some columns with the next k, (b - 1, k, k)."""
-        own, shared = (x[some].reshape(-1, k, x.shape[1]) for x in (self.own, self.of_basis))
-        found = own[:-1] @ own[1:].transpose(0, 2, 1)
-        return np.asarray(found - shared[:-1] @ shared[1:].transpose(0, 2, 1))
+        own = _of_next(self.own[some], k)
+        return own if self.of_basis is None else own - _of_next(self.of_basis[some], k)
+
+
+def _of_next(rows: Floats, k: int) -> Floats:
+    """Inner products of each k of some rows with the next k, (b - 1, k, k)."""
+    own = rows.reshape(-1, k, rows.shape[1])
+    return np.asarray(own[:-1] @ own[1:].transpose(0, 2, 1))

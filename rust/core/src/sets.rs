@@ -18,6 +18,8 @@ const WIDE: usize = 12;
 const DEPENDENT: f64 = 1e-5;
 /// Of the series of the penalty, where it does not converge.
 const MAX_BEYOND: f64 = 0.9;
+/// Neighbouring columns that are looked at together for whether a direction has any part in them.
+const TOGETHER: usize = 32;
 /// Of a score, below which sets explain the same.
 const DIGITS: f64 = 1e6;
 const TINY: f64 = 1e-300;
@@ -39,6 +41,8 @@ pub struct Blocks {
     pub positive: Vec<bool>,
     /// Of a squared unit column, below which it counts as dependent.
     pub dependent: f64,
+    /// Where the numbers of each block in [`Left::cross`] start, and their count.
+    at: Vec<usize>,
 }
 
 /// -2 ln L of a set, penalised for its size.
@@ -52,25 +56,41 @@ pub struct Score {
     pub least: f64,
 }
 
-/// A set of blocks: its basis in the candidates' coordinates, and what it leaves.
+/// Inner products of a direction with all columns.
+#[derive(Clone, Debug, Default)]
+pub struct Direction {
+    /// Of each column.
+    pub products: Vec<f64>,
+    /// Columns beside which all are zero: those of other measurements.
+    some: Vec<Range<usize>>,
+}
+
+/// What some blocks leave: their basis in the candidates' coordinates.
+#[derive(Clone, Debug, Default)]
+struct Left {
+    /// An orthonormal basis; sets that begin alike have the same directions.
+    taken: Vec<Arc<Direction>>,
+    /// Inner products of all columns with what is left of the residuals.
+    residual: Vec<f64>,
+    /// What is left of each squared column.
+    free: Vec<f64>,
+    /// What is left of the products of the columns of each block, those below the diagonal of their
+    /// matrix row by row: of all blocks that are not wide, one after the other.
+    cross: Vec<f64>,
+    /// Sum of squares that is left.
+    rss: f64,
+}
+
+/// A set of blocks.
 #[derive(Clone, Debug, Default)]
 pub struct Set {
     /// Its blocks, in the order in which they came.
     pub blocks: Vec<usize>,
-    /// Inner products of its orthonormal basis with all columns, one row each; sets that begin alike
-    /// have the same rows.
-    pub taken: Vec<Arc<Vec<f64>>>,
-    /// Inner products of all columns with what it leaves of the residuals.
-    pub residual: Vec<f64>,
-    /// What it leaves of each squared column.
-    free: Vec<f64>,
-    /// What it leaves of the products of the columns of each block, those below the diagonal of
-    /// their matrix row by row: of all blocks that are not wide, one after the other.
-    cross: Vec<f64>,
-    /// Sum of squares that it leaves.
-    pub rss: f64,
     /// Sum of the penalties.
     pub penalty: f64,
+    left: Left,
+    /// Drop of the sum of squares by each further block, and count of the columns that it adds.
+    gains: Vec<(f64, usize)>,
 }
 
 /// A set with one more block.
@@ -114,33 +134,92 @@ impl Set {
     /// Count of the columns.
     #[must_use]
     pub const fn columns(&self) -> usize {
-        self.taken.len()
+        self.left.taken.len()
+    }
+
+    /// Its basis: inner products of its directions with all columns.
+    #[must_use]
+    pub fn taken(&self) -> &[Arc<Direction>] {
+        &self.left.taken
+    }
+
+    /// Inner products of all columns with what it leaves of the residuals.
+    #[must_use]
+    pub fn residual(&self) -> &[f64] {
+        &self.left.residual
+    }
+
+    /// Sum of squares that it leaves.
+    #[must_use]
+    pub const fn rss(&self) -> f64 {
+        self.left.rss
+    }
+}
+
+impl Direction {
+    fn of(products: Vec<f64>) -> Self {
+        let mut some: Vec<Range<usize>> = Vec::new();
+        for (i, own) in products.chunks(TOGETHER).enumerate() {
+            if own.iter().all(|x| *x == 0.0) {
+                continue;
+            }
+            let (first, end) = (i * TOGETHER, i * TOGETHER + own.len());
+            match some.last_mut().filter(|last| last.end == first) {
+                Some(last) => last.end = end,
+                None => some.push(first..end),
+            }
+        }
+        Self { products, some }
+    }
+
+    /// Whether it has any part in some columns.
+    fn touches(&self, columns: &Range<usize>) -> bool {
+        self.some.iter().any(|own| own.start < columns.end && columns.start < own.end)
+    }
+
+    /// Adds a share of it to numbers of all columns.
+    fn add_to(&self, numbers: &mut [f64], share: f64) {
+        for some in &self.some {
+            let own = numbers[some.clone()].iter_mut().zip(&self.products[some.clone()]);
+            own.for_each(|(number, x)| *number += share * x);
+        }
     }
 }
 
 impl Blocks {
-    /// Checks that all is there and within the columns.
+    /// Blocks of which all is there and within the columns; what each is, as of the fields.
     ///
     /// # Errors
     /// Lengths that differ, columns beyond the last, candidates that are not in order.
-    pub fn check(&self) -> Result<()> {
-        let n = self.start.len();
-        for found in
-            [self.rank.len(), self.candidate.len(), self.penalty.len(), self.positive.len()]
-        {
+    pub fn new(
+        width: usize,
+        start: Vec<usize>,
+        rank: Vec<usize>,
+        candidate: Vec<usize>,
+        penalty: Vec<f64>,
+        positive: Vec<bool>,
+        dependent: f64,
+    ) -> Result<Self> {
+        let n = start.len();
+        for found in [rank.len(), candidate.len(), penalty.len(), positive.len()] {
             if found != n {
                 return Err(Error::input("blocks", found, format!("{n} of each")));
             }
         }
-        let ends =
-            self.start.iter().zip(&self.rank).map(|(start, rank)| start.saturating_add(*rank));
-        if let Some(end) = ends.max().filter(|end| *end > self.width) {
-            return Err(Error::input("columns of a block", end, format!("at most {}", self.width)));
+        let ends = start.iter().zip(&rank).map(|(start, rank)| start.saturating_add(*rank));
+        if let Some(end) = ends.max().filter(|end| *end > width) {
+            return Err(Error::input("columns of a block", end, format!("at most {width}")));
         }
-        if self.candidate.windows(2).any(|pair| pair[1] < pair[0]) {
+        if candidate.windows(2).any(|pair| pair[1] < pair[0]) {
             return Err(Error::input("candidates of blocks", "others", "in ascending order"));
         }
-        Ok(())
+        let pairs = rank.iter().map(|&k| if k > WIDE { 0 } else { k * k.saturating_sub(1) / 2 });
+        let ends = pairs.scan(0, |end, pairs| {
+            *end += pairs;
+            Some(*end)
+        });
+        let at = std::iter::once(0).chain(ends).collect();
+        Ok(Self { width, start, rank, candidate, penalty, positive, dependent, at })
     }
 
     /// The empty set: `residual`: inner products of all columns with the residuals.
@@ -148,17 +227,18 @@ impl Blocks {
     /// # Errors
     /// Another count of them than of columns.
     pub fn empty(&self, residual: Vec<f64>, rss: f64) -> Result<Set> {
+        let left = self.nothing_taken(residual, rss)?;
+        let gains = (0..self.start.len()).map(|block| self.gain(&left, block)).collect();
+        Ok(Set { left, gains, ..Set::default() })
+    }
+
+    fn nothing_taken(&self, residual: Vec<f64>, rss: f64) -> Result<Left> {
         if residual.len() != self.width {
             return Err(Error::input("residuals", residual.len(), self.width.to_string()));
         }
         let free = vec![1.0; self.width];
-        let cross = vec![0.0; self.pairs().sum()];
-        Ok(Set { residual, free, cross, rss, ..Set::default() })
-    }
-
-    /// Count of the numbers that [`Set::cross`] has of each block.
-    fn pairs(&self) -> impl Iterator<Item = usize> {
-        self.rank.iter().map(|&k| if k > WIDE { 0 } else { k * k.saturating_sub(1) / 2 })
+        let cross = vec![0.0; self.at.last().copied().unwrap_or(0)];
+        Ok(Left { residual, free, cross, rss, ..Left::default() })
     }
 
     /// A set and one more block, `products`: inner products of its columns with all (k, width).
@@ -166,40 +246,15 @@ impl Blocks {
     /// # Errors
     /// A block that is not there, products of another size.
     pub fn extended(&self, set: &Set, block: usize, products: &[f64]) -> Result<Set> {
-        let (m, start, k) = self.of_block(set, block)?;
-        if products.len() != k * m {
-            return Err(Error::input("products", products.len(), format!("{k} x {m}")));
-        }
-        let mut left = products.to_vec();
-        for (i, row) in left.chunks_exact_mut(m.max(1)).enumerate() {
-            // Columns of other measurements have nothing in common with it.
-            for taken in set.taken.iter().filter(|taken| taken[start + i] != 0.0) {
-                let share = taken[start + i];
-                row.iter_mut().zip(taken.iter()).for_each(|(x, t)| *x -= share * t);
-            }
-        }
+        self.check_set(set)?;
+        self.check_products(block, products)?;
         let mut new = set.clone();
-        if k == 1 {
-            let (w, along) = (left[start], set.residual[start]);
-            if w > self.dependent {
-                let weight = 1.0 / w.sqrt();
-                left.iter_mut().for_each(|x| *x *= weight);
-                self.take(&mut new, left, weight * along);
-            }
-        } else {
-            let own = DMatrix::from_fn(k, k, |i, j| left[i * m + start + j]);
-            let found = SymmetricEigen::new(own);
-            let ways = found.eigenvalues.iter().zip(found.eigenvectors.column_iter());
-            for (w, u) in ways.filter(|(w, _)| **w > self.dependent) {
-                let mut row = vec![0.0; m];
-                let mut along = 0.0;
-                for (i, part) in u.iter().enumerate() {
-                    let weight = part / w.sqrt();
-                    let some = left[i * m..(i + 1) * m].iter();
-                    row.iter_mut().zip(some).for_each(|(x, g)| *x += weight * g);
-                    along += weight * set.residual[start + i];
-                }
-                self.take(&mut new, row, along);
+        self.take(&mut new.left, block, products.to_vec());
+        let fresh = &new.left.taken[set.columns()..];
+        for (block, gain) in new.gains.iter_mut().enumerate() {
+            let columns = self.columns(block);
+            if fresh.iter().any(|direction| direction.touches(&columns)) {
+                *gain = self.gain(&new.left, block);
             }
         }
         new.blocks.push(block);
@@ -207,25 +262,64 @@ impl Blocks {
         Ok(new)
     }
 
-    /// Takes a direction out of what a set leaves: its products with all columns, and how far the
-    /// residuals go along it.
-    fn take(&self, set: &mut Set, row: Vec<f64>, along: f64) {
-        for (left, x) in set.residual.iter_mut().zip(&row) {
-            *left -= along * x;
-        }
-        for (free, x) in set.free.iter_mut().zip(&row) {
-            *free -= x * x;
-        }
-        let mut rest = set.cross.iter_mut();
-        let narrow = self.start.iter().zip(&self.rank).filter(|(_, k)| **k > 1 && **k <= WIDE);
-        for (&start, &k) in narrow {
-            let own = &row[start..start + k];
-            for (i, x) in own.iter().enumerate().skip(1) {
-                own[..i].iter().zip(rest.by_ref()).for_each(|(y, left)| *left -= y * x);
+    /// Columns of a block.
+    fn columns(&self, block: usize) -> Range<usize> {
+        self.start[block]..self.start[block] + self.rank[block]
+    }
+
+    /// Takes a block out of what others leave, `products`: of its columns with all (k, width).
+    fn take(&self, left: &mut Left, block: usize, mut products: Vec<f64>) {
+        let (m, columns) = (self.width, self.columns(block));
+        for (row, column) in products.chunks_exact_mut(m.max(1)).zip(columns.clone()) {
+            // Columns of other measurements have nothing in common with it.
+            for taken in left.taken.iter().filter(|taken| taken.products[column] != 0.0) {
+                taken.add_to(row, -taken.products[column]);
             }
         }
-        set.rss -= along * along;
-        set.taken.push(Arc::new(row));
+        if columns.len() == 1 {
+            let (w, along) = (products[columns.start], left.residual[columns.start]);
+            if w > self.dependent {
+                let weight = 1.0 / w.sqrt();
+                products.iter_mut().for_each(|x| *x *= weight);
+                self.take_direction(left, Direction::of(products), weight * along);
+            }
+            return;
+        }
+        let k = columns.len();
+        let own = DMatrix::from_fn(k, k, |i, j| products[i * m + columns.start + j]);
+        let found = SymmetricEigen::new(own);
+        let along = left.residual[columns].to_vec();
+        let ways = found.eigenvalues.iter().zip(found.eigenvectors.column_iter());
+        for (w, u) in ways.filter(|(w, _)| **w > self.dependent) {
+            let (mut row, mut total) = (vec![0.0; m], 0.0);
+            for ((part, some), r) in u.iter().zip(products.chunks_exact(m)).zip(&along) {
+                let weight = part / w.sqrt();
+                row.iter_mut().zip(some).for_each(|(x, g)| *x += weight * g);
+                total += weight * r;
+            }
+            self.take_direction(left, Direction::of(row), total);
+        }
+    }
+
+    /// Takes a direction out of what is left; `along`: how far the residuals go along it.
+    fn take_direction(&self, left: &mut Left, direction: Direction, along: f64) {
+        direction.add_to(&mut left.residual, -along);
+        let row = &direction.products;
+        for some in &direction.some {
+            let own = left.free[some.clone()].iter_mut().zip(&row[some.clone()]);
+            own.for_each(|(free, x)| *free -= x * x);
+        }
+        for (block, at) in self.at.windows(2).enumerate().filter(|(_, at)| at[0] < at[1]) {
+            let columns = self.columns(block);
+            if direction.touches(&columns) {
+                let (own, mut rest) = (&row[columns], left.cross[at[0]..at[1]].iter_mut());
+                for (i, x) in own.iter().enumerate().skip(1) {
+                    own[..i].iter().zip(rest.by_ref()).for_each(|(y, left)| *left -= y * x);
+                }
+            }
+        }
+        left.rss -= along * along;
+        left.taken.push(Arc::new(direction));
     }
 
     /// Every candidate beside every set, each at its best block, best first: as far as `reach`
@@ -240,16 +334,15 @@ impl Blocks {
         (best, reach, many): (f64, f64, usize),
     ) -> Result<Vec<Tried>> {
         let mut found = Vec::new();
-        let at = self.places();
         for (number, set) in sets.iter().enumerate() {
-            self.check_set(set, &at)?;
+            self.check_set(set)?;
             let inside: Vec<usize> = set.blocks.iter().map(|&b| self.candidate[b]).collect();
             let mut first = 0;
             while first < self.start.len() {
                 let candidate = self.candidate[first];
                 let end = first + self.candidate[first..].partition_point(|c| *c == candidate);
                 if !inside.contains(&candidate) {
-                    found.extend(self.best_of(set, number, first..end, (score, &at)));
+                    found.extend(self.best_of(set, number, first..end, score));
                 }
                 first = end;
             }
@@ -265,16 +358,6 @@ impl Blocks {
         Ok(found)
     }
 
-    /// Drop of the sum of squares by each block beside a set.
-    ///
-    /// # Errors
-    /// A set that does not belong to these blocks.
-    pub fn gains(&self, set: &Set) -> Result<Vec<f64>> {
-        let at = self.places();
-        self.check_set(set, &at)?;
-        Ok((0..self.start.len()).map(|block| self.gain(set, block, at[block]).0).collect())
-    }
-
     /// What some blocks leave beside the empty set, and the drop of it by each of `further` blocks.
     ///
     /// `rows`: the blocks, each with the inner products of its columns with all (k, width). No
@@ -288,29 +371,32 @@ impl Blocks {
         rows: &[(usize, &[f64])],
         further: Range<usize>,
     ) -> Result<(f64, Vec<f64>)> {
+        self.check_set(empty)?;
         let mut few: Vec<usize> = rows.iter().map(|row| row.0).chain(further.clone()).collect();
         few.sort_unstable();
         few.dedup();
-        let mut small = Self { dependent: self.dependent, ..Self::default() };
-        let mut columns = Vec::new();
-        for &block in &few {
-            let (_, start, rank) = self.of_block(empty, block)?;
-            small.start.push(columns.len());
-            small.rank.push(rank);
-            small.candidate.push(self.candidate[block]);
-            small.penalty.push(self.penalty[block]);
-            small.positive.push(self.positive[block]);
-            columns.extend(start..start + rank);
+        if few.last().is_some_and(|last| *last >= self.start.len()) {
+            return Err(self.no_such(&few));
         }
-        small.width = columns.len();
-        let residual = columns.iter().map(|&c| empty.residual[c]).collect();
-        let mut set = small.empty(residual, empty.rss)?;
+        let columns: Vec<usize> = few.iter().flat_map(|&block| self.columns(block)).collect();
+        let ends = few.iter().scan(0, |end, &block| {
+            *end += self.rank[block];
+            Some(*end - self.rank[block])
+        });
+        let small = Self::new(
+            columns.len(),
+            ends.collect(),
+            few.iter().map(|&block| self.rank[block]).collect(),
+            few.iter().map(|&block| self.candidate[block]).collect(),
+            few.iter().map(|&block| self.penalty[block]).collect(),
+            few.iter().map(|&block| self.positive[block]).collect(),
+            self.dependent,
+        )?;
+        let residual = columns.iter().map(|&c| empty.left.residual[c]).collect();
+        let mut left = small.nothing_taken(residual, empty.left.rss)?;
         let place = |block: usize| few.partition_point(|&b| b < block);
         for &(block, products) in rows {
-            let expected = self.rank[block] * self.width;
-            if products.len() != expected {
-                return Err(Error::input("products", products.len(), expected.to_string()));
-            }
+            self.check_products(block, products)?;
             let own: Vec<f64> = products
                 .chunks_exact(self.width.max(1))
                 .flat_map(|row| columns.iter().map(|&c| row[c]))
@@ -318,27 +404,36 @@ impl Blocks {
             if let Some(number) = own.iter().find(|x| !x.is_finite()) {
                 return Err(Error::input("products", number, "finite numbers"));
             }
-            set = small.extended(&set, place(block), &own)?;
+            small.take(&mut left, place(block), own);
         }
         let first = place(further.start);
-        let gains = small.gains(&set)?.into_iter().skip(first).take(further.len()).collect();
-        Ok((set.rss, gains))
-    }
-
-    /// Where the numbers of each block in [`Set::cross`] start, and their count.
-    fn places(&self) -> Vec<usize> {
-        let ends = self.pairs().scan(0, |end, pairs| {
-            *end += pairs;
-            Some(*end)
-        });
-        std::iter::once(0).chain(ends).collect()
+        let gains = (first..first + further.len()).map(|block| small.gain(&left, block).0);
+        Ok((left.rss, gains.collect()))
     }
 
     /// Checks that a set is one of these blocks.
-    fn check_set(&self, set: &Set, at: &[usize]) -> Result<()> {
-        self.of_block(set, 0)?;
-        if set.cross.len() != at.last().copied().unwrap_or(0) {
-            return Err(Error::input("set of blocks", "another", "one of these blocks"));
+    fn check_set(&self, set: &Set) -> Result<()> {
+        let cross = self.at.last().copied().unwrap_or(0);
+        let own = set.left.residual.len() == self.width && set.left.cross.len() == cross;
+        if own && set.gains.len() == self.start.len() {
+            return Ok(());
+        }
+        Err(self.no_such(&set.blocks))
+    }
+
+    fn no_such(&self, blocks: &[usize]) -> Error {
+        let expected = format!("one of {} blocks, {} columns", self.start.len(), self.width);
+        Error::input("set of blocks", format!("{blocks:?}"), expected)
+    }
+
+    /// Checks that there is a block, and products of its columns with all.
+    fn check_products(&self, block: usize, products: &[f64]) -> Result<()> {
+        let Some(k) = self.rank.get(block) else {
+            return Err(self.no_such(&[block]));
+        };
+        if products.len() != k * self.width {
+            let expected = format!("{k} x {}", self.width);
+            return Err(Error::input("products", products.len(), expected));
         }
         Ok(())
     }
@@ -348,16 +443,16 @@ impl Blocks {
         set: &Set,
         number: usize,
         blocks: Range<usize>,
-        (score, at): (&Score, &[usize]),
+        score: &Score,
     ) -> Option<Tried> {
         let size = set.columns();
         let mut best: Option<Tried> = None;
         for block in blocks {
-            let (gain, new) = self.gain(set, block, at[block]);
+            let (gain, new) = set.gains[block];
             if new == 0 {
                 continue;
             }
-            let (rss, columns) = (set.rss - gain, size + new);
+            let (rss, columns) = (set.rss() - gain, size + new);
             // At another place of the same cost a smaller gain is worth no more.
             let as_dear = |known: &Tried| {
                 rss >= known.rss
@@ -375,26 +470,15 @@ impl Blocks {
         best
     }
 
-    /// Width, first column and count of columns of a block, for a set of these blocks.
-    fn of_block(&self, set: &Set, block: usize) -> Result<(usize, usize, usize)> {
-        let known = set.blocks.iter().chain(std::iter::once(&block)).max();
-        if set.residual.len() != self.width || known.is_some_and(|b| *b >= self.start.len()) {
-            let expected = format!("one of {} blocks, {} columns", self.start.len(), self.width);
-            return Err(Error::input("set of blocks", format!("{:?}", set.blocks), expected));
-        }
-        Ok((self.width, self.start[block], self.rank[block]))
-    }
-
-    /// Drop of the sum of squares by a block beside a set, and count of its new columns; `at`: where
-    /// its numbers in [`Set::cross`] start.
-    fn gain(&self, set: &Set, block: usize, at: usize) -> (f64, usize) {
+    /// Drop of what is left of the sum of squares by a block, and count of its new columns.
+    fn gain(&self, set: &Left, block: usize) -> (f64, usize) {
         match self.rank[block] {
             0 => (0.0, 0),
-            1 => self.narrow_gain::<1>(set, block, at),
-            2 => self.narrow_gain::<2>(set, block, at),
-            3 => self.narrow_gain::<3>(set, block, at),
-            4 => self.narrow_gain::<4>(set, block, at),
-            5..=WIDE => self.narrow_gain::<WIDE>(set, block, at),
+            1 => self.narrow_gain::<1>(set, block),
+            2 => self.narrow_gain::<2>(set, block),
+            3 => self.narrow_gain::<3>(set, block),
+            4 => self.narrow_gain::<4>(set, block),
+            5..=WIDE => self.narrow_gain::<WIDE>(set, block),
             _ => self.wide_gain(set, block),
         }
     }
@@ -402,12 +486,12 @@ impl Blocks {
     /// The same of a block of `N` columns, of at most so many where `N` is [`WIDE`]: Cholesky of its
     /// Gram matrix, dependent pivots left out.
     #[inline]
-    fn narrow_gain<const N: usize>(&self, set: &Set, block: usize, at: usize) -> (f64, usize) {
+    fn narrow_gain<const N: usize>(&self, set: &Left, block: usize) -> (f64, usize) {
         let (start, k) = (self.start[block], if N == WIDE { self.rank[block].min(N) } else { N });
         let mut z = [0.0; N];
         let mut a = [[0.0; N]; N];
         z[..k].copy_from_slice(&set.residual[start..start + k]);
-        let mut rest = set.cross[at..].iter();
+        let mut rest = set.cross[self.at[block]..].iter();
         for (i, row) in a.iter_mut().enumerate().take(k).skip(1) {
             row[..i].iter_mut().zip(rest.by_ref()).for_each(|(x, left)| *x = *left);
         }
@@ -439,9 +523,9 @@ impl Blocks {
     }
 
     /// The same of a block of many columns.
-    fn wide_gain(&self, set: &Set, block: usize) -> (f64, usize) {
+    fn wide_gain(&self, set: &Left, block: usize) -> (f64, usize) {
         let (start, k) = (self.start[block], self.rank[block]);
-        let taken = DMatrix::from_fn(set.columns(), k, |i, j| set.taken[i][start + j]);
+        let taken = DMatrix::from_fn(set.taken.len(), k, |i, j| set.taken[i].products[start + j]);
         let left = DMatrix::identity(k, k) - taken.tr_mul(&taken);
         let found = SymmetricEigen::new(left);
         let (mut total, mut count) = (0.0, 0);
@@ -477,22 +561,28 @@ mod tests {
         a.iter().zip(b).map(|(x, y)| x * y).sum()
     }
 
-    fn blocks() -> Blocks {
-        Blocks {
-            width: 4,
-            start: vec![0, 1, 2],
-            rank: vec![1, 1, 2],
-            candidate: vec![0, 1, 2],
-            penalty: vec![1.0, 1.0, 2.0],
-            positive: vec![false; 3],
-            dependent: 1e-5,
-        }
+    /// Blocks of a candidate each, of so many columns one after the other.
+    fn of_ranks(width: usize, rank: Vec<usize>) -> Result<Blocks> {
+        let start = rank.iter().scan(0, |end, k| {
+            *end += k;
+            Some(*end - k)
+        });
+        let (start, count) = (start.collect(), rank.len());
+        let penalty = rank.iter().map(|&k| k as f64).collect();
+        Blocks::new(
+            width,
+            start,
+            rank,
+            (0..count).collect(),
+            penalty,
+            vec![false; count],
+            DEPENDENT,
+        )
     }
 
     #[test]
     fn a_set_leaves_what_least_squares_leaves() -> Tested {
-        let (blocks, x, r) = (blocks(), columns(), [3.0, -1.0, 2.0, 0.5, 1.0]);
-        blocks.check()?;
+        let (blocks, x, r) = (of_ranks(4, vec![1, 1, 2])?, columns(), [3.0, -1.0, 2.0, 0.5, 1.0]);
         let residual = x.iter().map(|c| product(c, &r)).collect();
         let empty = blocks.empty(residual, product(&r, &r))?;
         let rows = |some: std::ops::Range<usize>| -> Vec<f64> {
@@ -500,7 +590,7 @@ mod tests {
         };
         let two = blocks.extended(&blocks.extended(&empty, 1, &rows(1..2))?, 0, &rows(0..1))?;
         // Both columns together span the first two readings.
-        assert!((two.rss - (4.0 + 0.25 + 1.0)).abs() < 1e-12, "{}", two.rss);
+        assert!((two.rss() - (4.0 + 0.25 + 1.0)).abs() < 1e-12, "{}", two.rss());
         let score = Score { degrees_of_freedom: 100, ..Score::default() };
         let tried = blocks.tried(&[&two], &score, (f64::INFINITY, 30.0, 1))?;
         // The third adds what is left of readings 3 and 4, and only it is not in the set yet.
@@ -508,11 +598,11 @@ mod tests {
         assert_eq!((tried[0].block, tried[0].columns), (2, 4));
         assert!((tried[0].rss - 1.0).abs() < 1e-12, "{}", tried[0].rss);
         let all = blocks.extended(&two, 2, &rows(2..4))?;
-        assert!((all.rss - 1.0).abs() < 1e-12, "{}", all.rss);
+        assert!((all.rss() - 1.0).abs() < 1e-12, "{}", all.rss());
         let (left, gains) =
             blocks.gains_beside(&empty, &[(1, &rows(1..2)), (0, &rows(0..1))], 2..3)?;
-        assert!((left - two.rss).abs() < 1e-12, "{left}");
-        assert!((left - gains[0] - all.rss).abs() < 1e-12, "{gains:?}");
+        assert!((left - two.rss()).abs() < 1e-12, "{left}");
+        assert!((left - gains[0] - all.rss()).abs() < 1e-12, "{gains:?}");
         assert!(blocks.gains_beside(&empty, &[(3, &rows(0..1))], 2..3).is_err());
         Ok(())
     }
@@ -528,15 +618,7 @@ mod tests {
             [0.0, 0.8, 0.0, 0.0, 0.6],
         ];
         let r = [3.0, -1.0, 2.0, 0.5, 1.0];
-        let blocks = Blocks {
-            width: 5,
-            start: vec![0, 1, 3],
-            rank: vec![1, 2, 2],
-            candidate: vec![0, 1, 2],
-            penalty: vec![1.0, 2.0, 2.0],
-            positive: vec![false; 3],
-            dependent: 1e-5,
-        };
+        let blocks = of_ranks(5, vec![1, 2, 2])?;
         let products = |i: usize| x.map(|c| product(&x[i], &c)).to_vec();
         let empty = blocks.empty(x.iter().map(|c| product(c, &r)).collect(), product(&r, &r))?;
         let one = blocks.extended(&empty, 0, &products(0))?;
@@ -547,7 +629,7 @@ mod tests {
             let both: Vec<f64> = (2 * block - 1..=2 * block).flat_map(products).collect();
             let set = blocks.extended(&one, block, &both)?;
             assert_eq!((found.block, found.columns), (block, 3));
-            assert!((found.rss - set.rss).abs() < 1e-12, "{} {}", found.rss, set.rss);
+            assert!((found.rss - set.rss()).abs() < 1e-12, "{} {}", found.rss, set.rss());
         }
         Ok(())
     }
@@ -555,21 +637,24 @@ mod tests {
     #[test]
     fn wide_blocks_gain_what_pivots_say() -> Tested {
         let width = WIDE + 1;
-        let mut blocks = Blocks {
-            width,
-            start: vec![0, 0],
-            rank: vec![width, WIDE],
-            candidate: vec![0, 1],
-            penalty: vec![1.0; 2],
-            positive: vec![false; 2],
-            dependent: DEPENDENT,
+        let start = vec![0, 0];
+        let (rank, candidate) = (vec![width, WIDE], vec![0, 1]);
+        let of = |start| {
+            Blocks::new(
+                width,
+                start,
+                rank.clone(),
+                candidate.clone(),
+                vec![1.0; 2],
+                vec![false; 2],
+                DEPENDENT,
+            )
         };
+        let blocks = of(start)?;
         let empty = blocks.empty((0..width).map(|i| i as f64).collect(), 1e3)?;
         let squares = |n: usize| (0..n).map(|i| (i * i) as f64).sum::<f64>();
-        assert_eq!(blocks.gain(&empty, 0, 0), (squares(width), width));
-        assert_eq!(blocks.gain(&empty, 1, 0), (squares(WIDE), WIDE));
-        blocks.start[1] = 2;
-        assert!(blocks.check().is_err());
+        assert_eq!(empty.gains, [(squares(width), width), (squares(WIDE), WIDE)]);
+        assert!(of(vec![0, 2]).is_err());
         Ok(())
     }
 }

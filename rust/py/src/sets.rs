@@ -18,7 +18,7 @@ impl CauseSet {
     /// Sum of squares that it leaves.
     #[getter]
     const fn rss(&self) -> f64 {
-        self.inner.rss
+        self.inner.rss()
     }
 
     /// Sum of its penalties.
@@ -38,14 +38,14 @@ impl CauseSet {
         &self,
         py: Python<'py>,
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)> {
-        let (k, m) = (self.inner.columns(), self.inner.residual.len());
+        let (k, m) = (self.inner.columns(), self.inner.residual().len());
         let taken = matrix_of(
             py,
-            self.inner.taken.iter().flat_map(|row| row.iter().copied()).collect(),
+            self.inner.taken().iter().flat_map(|own| own.products.iter().copied()).collect(),
             k,
             m,
         )?;
-        Ok((taken, array(py, self.inner.residual.clone())?))
+        Ok((taken, array(py, self.inner.residual().to_vec())?))
     }
 }
 
@@ -75,8 +75,8 @@ impl CauseBlocks {
         #[pyo3(from_py_with = finite)] least: f64,
     ) -> PyResult<Self> {
         let penalty = vector_with_limits("penalties", &penalty)?;
-        let inner = sets::Blocks { width, start, rank, candidate, penalty, positive, dependent };
-        inner.check().into_py()?;
+        let inner = sets::Blocks::new(width, start, rank, candidate, penalty, positive, dependent)
+            .into_py()?;
         Ok(Self { inner, score: sets::Score { degrees_of_freedom, floor, least } })
     }
 
