@@ -19,7 +19,9 @@ import trunnion as tn
 from trunnion.base.units import unit_of
 from trunnion.compensation import volumetric_error
 from trunnion.diagnosis.effect import Effect
-from trunnion.diagnosis.model import Model, Uncertainty
+from trunnion.diagnosis.model import Covariate, Model, Uncertainty
+from trunnion.diagnosis.structure import model_with
+from trunnion.diagnosis.ways import ANGLE_UNIT, is_angle
 from trunnion.machine.effects import Owner
 from trunnion.models.kinds import model_of
 
@@ -225,6 +227,45 @@ def check_own_effects(model: Model, setup: Any) -> None:
     assert len(model_of(model.data, setup, asked).effects) == len(model.effects)
 
 
+def check_formulas(model: Model, setup: Any) -> None:
+    """An effect by a formula is a candidate of what is diagnosed: it acts as structure does."""
+    tried = 0
+    for covariate in model.covariates:
+        if not covariate.classes and np.ptp(covariate.values) == 0:
+            continue
+        for way, enters in (model.components or {"": np.ones(len(model.readings))}).items():
+            effect = _formula(model, covariate, way, np.asarray(enters) != 0)
+            made = model_of(model.data, setup, [effect])
+            values = values_of(effect.bound(model.data, model), 2.0)
+            as_structure = model_with(model, effect)
+            rises = [
+                m.predict(m.start, {effect.id: values}) - m.predict(m.start, {})
+                for m in (made, as_structure)
+            ]
+            assert close(rises[0], rises[1], 1e-9), (covariate.name, way)
+            tried += bool(np.abs(rises[0]).max() > 0.0)
+    assert tried
+
+
+def _formula(model: Model, covariate: Covariate, way: str, acting: Any) -> tn.FormulaEffect:
+    """A parabola of a recorded quantity, or what is at its first value alone."""
+    units = model.readings.unit
+    unit = units if isinstance(units, str) else str(np.asarray(units)[acting][0])
+    of: dict[str, Any] = {"shape": "class", "at": str(covariate.values[0])}
+    if not covariate.classes:
+        ends = float(np.min(covariate.values)), float(np.max(covariate.values))
+        of = {"shape": "polynomial", "number": 2.0, "low": ends[0], "high": ends[1]}
+    return tn.FormulaEffect(
+        "my_own_shape",
+        type(model.data).__name__,
+        covariate=covariate.name,
+        unit=covariate.unit,
+        component=way,
+        reading_unit=ANGLE_UNIT if is_angle(way) else unit,
+        **of,
+    )
+
+
 def check_sense(model: Model, setup: Any) -> None:
     """A control that counts rotary axes the other way gives the same readings and columns.
 
@@ -293,6 +334,7 @@ CHECKS = (
     check_pickle,
     check_catalogue,
     check_own_effects,
+    check_formulas,
     check_sense,
     check_not_identifiable_is_refused,
 )

@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 import trunnion as tn
 from lab_package import install
+from power.random_cases import draw
 from power.study import ground
 from promise import kept, needed_runs
 from trunnion.cli import app
@@ -296,6 +297,27 @@ def test_a_period_is_sought_of_so_many_waves_at_most(period: float) -> None:
     said = f"number: got {period:g}, expected a period of at least 0.05: 2000 waves from low to"
     with pytest.raises(tn.InputError, match=said):
         replace(effect, low=-50.0, high=50.0, number=period)
+
+
+@pytest.mark.parametrize(
+    "kind", ["touches", "points", "diameters", "ballbar", "positioning", "levels", "rotarytest"]
+)
+def test_what_is_drafted_explains_the_data_it_is_of(kind: str) -> None:
+    """A kind that takes a set-up refused its own draft: "setup: missing"."""
+    drafted = 0
+    for number in range(80):
+        case = draw(kind, number, seed=77)
+        d = tn.diagnose(case.data, case.setup) if case.unknown else None
+        if d is None or d.structure is None:
+            continue
+        draft = d.draft_effect("my_own_shape")
+        again = tn.diagnose(case.data, case.setup, effects=[draft])
+        assert "my_own_shape" in again.named
+        assert again.gain.rms_after_um < 1.05 * d.gain.rms_after_um
+        drafted += 1
+        if drafted == 3:
+            return
+    pytest.fail(f"structure in {drafted} cases, expected 3")
 
 
 def test_an_effect_of_other_data_is_refused_or_left_out(tmp_path: Path) -> None:

@@ -62,12 +62,12 @@ class OnMachine:
     def _bound(self, data: Any) -> Any:
         own = importlib.import_module("trunnion.models.kinds").described(data)
         ways = {**own.components, **angles(self.turning)}
-        return self.source.bound(data, _Described(own.covariates, ways, own.reading_unit))
+        return self.source.bound(data, Description(own.covariates, ways, own.reading_unit))
 
 
 @dataclass(frozen=True, eq=False)
-class _Described:
-    """What data depend on and by which components."""
+class Description:
+    """What data depend on and by which components, where a model does not say so itself."""
 
     covariates: Sequence[Any]
     components: Mapping[str, Floats]

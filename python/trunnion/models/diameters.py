@@ -31,6 +31,7 @@ from trunnion.diagnosis.effect import Effect, EffectLike, EffectValues, Paramete
 from trunnion.diagnosis.linear_model import LinearModel
 from trunnion.diagnosis.model import FINEST_NOISE, Covariate, Nuisance, Readings, Uncertainty
 from trunnion.diagnosis.own_effects import with_own
+from trunnion.diagnosis.ways import Description
 from trunnion.machine.estimate import Estimate
 from trunnion.setup import Setup
 from trunnion.setup.fields import COORDINATE, Number, Part, Section, Vector, key
@@ -431,7 +432,9 @@ class DiameterModel(LinearModel):
 
     def effects_on(self, data: Diameters) -> tuple[Effect, ...]:
         """Every candidate, bound to these or other passes."""
-        return with_own(_catalogue(data, self.conditions, self.reference), self._given, data)
+        found = _catalogue(data, self.conditions, self.reference)
+        own = Description(self._quantities(data), {}, "µm")
+        return with_own(found, self._given, data, described=own)
 
     def _quantities(self, data: Diameters) -> list[Covariate]:
         """Place, time or length cut, pass and order."""
@@ -454,10 +457,7 @@ class DiameterModel(LinearModel):
         return DiameterModel(data, self.conditions, self._given, self.reference)
 
     def extended(
-        self,
-        nuisance: Floats,
-        effects: EffectValues,
-        uncertainty: Uncertainty | None = None,
+        self, nuisance: Floats, effects: EffectValues, uncertainty: Uncertainty | None = None
     ) -> DiameterLaw:
         """Return offsets and causes."""
         names = (n.name.removeprefix("offset_").removesuffix("_um") for n in self.nuisance)
@@ -497,9 +497,7 @@ def _check(data: Diameters, conditions: Conditions) -> None:
 
 @checked
 def build(
-    data: Diameters,
-    setup: Setup | Conditions | None,
-    effects: Sequence[EffectLike | str] = (),
+    data: Diameters, setup: Setup | Conditions | None, effects: Sequence[EffectLike | str] = ()
 ) -> DiameterModel:
     """Make the model of measured diameters; the set-up needs a table ``[turning]``.
 

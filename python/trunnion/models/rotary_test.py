@@ -120,7 +120,7 @@ class RotaryTestModel(Model):
         )
         found = self._catalogue.effects()
         known = self._known.chain.effects
-        self.effects = with_own(found, effects, data, known=known)
+        self.effects = with_own(found, effects, data, known=known, described=self)
 
     # --- the plain model
 

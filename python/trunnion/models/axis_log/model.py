@@ -15,7 +15,7 @@ from trunnion.data.axis_log import AxisLog
 from trunnion.diagnosis.effect import Effect, EffectLike, EffectValues
 from trunnion.diagnosis.model import FINEST_NOISE, Covariate, Model, Nuisance, Readings, Uncertainty
 from trunnion.diagnosis.noise import Channel, whitener
-from trunnion.diagnosis.own_effects import with_own
+from trunnion.diagnosis.own_effects import Binding, with_own
 from trunnion.machine.estimate import Estimate
 from trunnion.machine.geometry import made_with
 from trunnion.models.axis_log.beginnings import settled
@@ -131,7 +131,8 @@ class AxisLogModel(Model):
         self.nuisance, self._design = self._initial_states()
         self.readings = replace(self._off, values=self._off.values + self._design @ self._starts)
         self._given, self._chords = tuple(effects), dict(chords or {})
-        with_own([], [e for e in effects if not isinstance(e, str)], log)  # checked at once
+        own = [e for e in effects if not isinstance(e, str)]
+        with_own([], own, log, described=self)  # checked at once
         if any(isinstance(e, str) for e in effects):
             with_own(self.effects, [e for e in effects if isinstance(e, str)], log)
         if point is not None:
@@ -189,10 +190,15 @@ class AxisLogModel(Model):
     def _located(self) -> tuple[Located, ...]:
         """Effects with the channels that they act on."""
         made, _ = self._made
-        own = with_own([m.effect for m in made], self._given, self.data)[len(made) :]
         every = range(self._blocks.channels)
-        located = (Located(on_readings(e, len(self.data), self._signals), every) for e in own)
-        return (*made, *located)
+        catalogued = [m.effect for m in made]
+        own = with_own(catalogued, self._given, self.data, described=self)[len(made) :]
+        own_ones = [e for e in self._given if not isinstance(e, str)]
+        by_reading = {e.id for e in own_ones if isinstance(e, Binding)}
+        at = (
+            e if e.id in by_reading else on_readings(e, len(self.data), self._signals) for e in own
+        )
+        return (*made, *(Located(e, every) for e in at))
 
     def _read(self) -> Signals:
         """Axes and tool tip of the log, checked."""

@@ -138,7 +138,7 @@ class BallbarModel(Model):
         self._known: dict[bytes, tuple[Floats, Floats]] = {}
         self._given = tuple(effects)
         if self._given:
-            with_own(self._catalogue(), self._given, data)  # checked at once
+            with_own(self._catalogue(), self._given, data, described=self)  # checked at once
 
     def _nuisance(self) -> tuple[Nuisance, ...]:
         """Errors of the machine, centres along the axes that the bar shows, the bar's constant."""
@@ -152,7 +152,8 @@ class BallbarModel(Model):
     @cached_property
     def effects(self) -> tuple[Effect, ...]:  # type: ignore[override]
         """The catalogue, its grids with the values that are best here, and the user's own."""
-        return with_own(self._sharpened(self._catalogue()), self._given, self._used)
+        found = self._sharpened(self._catalogue())
+        return with_own(found, self._given, self._used, described=self)
 
     def _catalogue(self) -> list[Effect]:
         bar = Bar(self.bar, self._centres[self.index])
