@@ -68,6 +68,56 @@ def test_no_sound_level_is_suspected_of_a_turn() -> None:
         assert not turn_doubts(tn.Levels(**columns, turn_deg=turn))
 
 
+def bent_rail(
+    seed: int, *, turned: bool, back: bool, bent: float = 1.0
+) -> dict[str, np.ndarray[Any, Any]]:
+    """Readings up and back (or up again) of a rail that is bent and twisted: slopes on lines."""
+    rng = np.random.default_rng(seed)
+    place = 100.0 * (0.5 + np.arange(20))
+    slope = np.outer(rng.uniform(20.0, 60.0, 2) * rng.choice([-1, 1], 2), place / 1000.0 - 1.0)
+    slope = bent * slope + rng.uniform(-20.0, 20.0, (2, 1))
+    second = slice(None, None, -1 if back else 1)
+    sign = -1.0 if turned else 1.0
+    read = np.concatenate([slope, sign * slope[:, second]], axis=1) + rng.uniform(-50, 50, (2, 1))
+    read = np.round(read + 0.8 * rng.standard_normal(read.shape), 1)
+    columns = {"position_mm": np.concatenate([place, place[second]]), "along_um_m": read[0]}
+    return columns | {"across_um_m": read[1], "time_s": 25.0 * np.arange(40)}
+
+
+@pytest.mark.parametrize(("turned", "back"), [(True, True), (True, False), (False, True)])
+def test_the_turn_of_a_level_on_a_bent_rail_is_asked_about(turned: bool, back: bool) -> None:
+    """Up and back, slopes on a line are a drift and a jump: none was asked about in 16 of 16.
+
+    Up twice, a level that was not turned reads as a turned one that drifts on a straight rail.
+    """
+    right, wrong = (
+        np.repeat([0, 180 if turned else 0], 20),
+        np.repeat([0, 0 if turned else 180], 20),
+    )
+    said = "and turn_deg not given" if turned else "turn_deg says that the level was turned"
+    for seed in range(12):
+        columns = bent_rail(seed, turned=turned, back=back)
+        assert not turn_doubts(tn.Levels(**columns, turn_deg=right))
+        (asked,) = turn_doubts(tn.Levels(**columns, turn_deg=wrong))
+        assert said in asked
+
+
+@pytest.mark.parametrize("back", [True, False])
+@pytest.mark.parametrize(
+    ("bent", "drift", "jump"), [(1, 15, 0), (1, 0, 30), (0, 15, 0), (0, 0, 30)]
+)
+def test_a_drift_or_another_zero_is_no_turn(
+    bent: float, drift: float, jump: float, back: bool
+) -> None:
+    for seed in range(12):
+        columns = bent_rail(seed, turned=False, back=back, bent=bent)
+        for name in ("along_um_m", "across_um_m"):
+            columns[name] = (
+                columns[name] + drift * np.arange(40) / 20 + jump * (np.arange(40) >= 20)
+            )
+        assert not turn_doubts(tn.Levels(**columns))
+
+
 def test_heights_of_a_ball_that_are_3_mm_off_are_asked_about() -> None:
     data, setup = examples.rotary_test()
     d = tn.diagnose(data.with_columns(z_mm=data["z_mm"] + 3.0), setup)

@@ -32,12 +32,18 @@ NOT_TURNED = (
 
 
 def turn_doubts(data: Levels) -> tuple[str, ...]:
-    """Ask about a round of readings that goes with the first as if turned otherwise than stated."""
+    """Ask about a round of readings that goes with the first as if turned otherwise than stated.
+
+    Compared as what goes with time may differ from round to round, and as it is a drift from the
+    first reading to the last, or another zero: slopes that grow along the places (a bow, a twist)
+    are lost in the first, and a jump back between two drifts is none of the second.
+    """
     places, index = data.stations
     rounds = _rounds(index)
     if len(places) < MIN_PLACES:
         return ()
     values = np.stack([np.asarray(data.columns[f"{c}_um_m"]) for c in data.components], axis=1)
+    moment = np.arange(len(values)) if data.time_s is None else np.asarray(data.time_s)
     first = _of_round(rounds == 0, index, len(places))
     step = max(displayed(column) for column in values.T)
     for k in range(1, int(rounds.max(initial=0)) + 1):
@@ -47,14 +53,35 @@ def turn_doubts(data: Levels) -> tuple[str, ...]:
         turned = np.unique(data.sense[one] * data.sense[other])
         if np.sum(both) < MIN_PLACES or len(turned) != 1:
             continue
-        stated = _scatter(values[one] - turned[0] * values[other], one)
-        otherwise = _scatter(values[one] + turned[0] * values[other], one)
         freedom = (np.sum(both) - 2) * values.shape[1]
         least = freedom * (step**2 / 6.0 + EXACT**2)  # two readings that are rounded
-        ratio = stated / max(otherwise, least)
-        if ratio > MIN_RATIO and special.fdtrc(freedom, freedom, ratio) < MAX_CHANCE:
-            return ((FORGOTTEN if turned[0] > 0 else NOT_TURNED).format(k + 1),)
+        by_sign = values[one] - values[other], values[one] + values[other]
+        free = np.stack([np.ones(len(one)), one - one.mean()], axis=1)
+        pairs = [tuple(_left(change, free) for change in by_sign)]
+        pairs.append(_of_one_drift(*by_sign, moment[one], moment[other], turned[0]))
+        for same, opposite in pairs:
+            stated, otherwise = (same, opposite) if turned[0] > 0 else (opposite, same)
+            ratio = stated / max(otherwise, least)
+            if ratio > MIN_RATIO and special.fdtrc(freedom, freedom, ratio) < MAX_CHANCE:
+                return ((FORGOTTEN if turned[0] > 0 else NOT_TURNED).format(k + 1),)
     return ()
+
+
+def _of_one_drift(
+    same: Floats, opposite: Floats, at: Floats, later: Floats, turned: float
+) -> tuple[float, float]:
+    """Sums of squares that a zero and a drift leave of two rounds, of the same or another sign.
+
+    What is stated may have either drift or another zero in the later round; what is asked about
+    has to do without.
+
+    same, opposite: First less and plus later readings, (n, c). at, later: Their moments, (n,).
+    """
+    zero = np.ones((len(at), 1))
+    apart, together = (np.asarray(x, dtype=np.float64)[:, None] for x in (at - later, at + later))
+    if turned > 0:
+        return min(_left(same, apart), _left(same, zero)), _left(opposite, zero)
+    return _left(same, apart), _left(opposite, np.hstack([zero, together]))
 
 
 def _rounds(index: Integers) -> Integers:
@@ -73,7 +100,7 @@ def _of_round(rows: Flags, index: Integers, count: int) -> Integers:
     return out
 
 
-def _scatter(values: Floats, row: Integers) -> float:
-    """Sum of squares about the mean and drift of each component, (n, c), read in these rows."""
-    line = np.linalg.qr(np.stack([np.ones(len(row)), row - row.mean()], axis=1))[0]
-    return float(np.sum((values - line @ (line.T @ values)) ** 2))
+def _left(values: Floats, columns: Floats) -> float:
+    """Sum of squares that columns, (n, k), leave of each component, (n, c)."""
+    fitted = columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
+    return float(np.sum((values - fitted) ** 2))
