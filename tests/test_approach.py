@@ -71,3 +71,61 @@ def test_it_is_said_of_its_measurement_among_several() -> None:
     said = [text for text in tn.diagnose(list(two)).mistakes if WORDS in text]
     assert len(said) == 1
     assert said[0].startswith("positioning 2")
+
+
+def other_sign(data: tn.Positioning, rows: np.ndarray) -> tn.Positioning:
+    return data.with_columns(direction=np.where(rows, -data.direction, data.direction))
+
+
+@pytest.mark.parametrize("timed", [True, False])
+@pytest.mark.parametrize("cycle", [1, 3, 5])
+def test_the_other_sign_in_one_cycle_is_refused(timed: bool, cycle: int) -> None:
+    """It was a drift of every cycle and one of the whole that cancel (> 90 % in 16 of 16)."""
+    for seed in range(4):
+        data = run(seed, timed=timed)
+        swapped = other_sign(data, data.cycle == cycle)
+        row = 2 * len(TARGETS) * (cycle - 1)
+        said = rf"row {row}\): got -1 in a pass whose targets rise, .* in cycle {cycle}\?"
+        for of in (tn.diagnose, tn.Positioning.iso230_2):
+            with pytest.raises(tn.DataError, match=said) as refused:
+                of(swapped)
+            assert "in 8 passes of 10 it is the other way" in str(refused.value)
+        others = other_sign(data, data.cycle != cycle)  # the reversal has the other sign then
+        with pytest.raises(
+            tn.DataError, match=rf"got \+1 in a pass .* rise, .* in cycle {cycle}\?"
+        ):
+            tn.diagnose(others)
+
+
+def test_the_other_sign_in_one_pass_is_refused() -> None:
+    for seed in range(4):
+        data = run(seed, timed=True)
+        swapped = other_sign(data, (data.cycle == 4) & (data.direction < 0))
+        with pytest.raises(
+            tn.DataError, match=r"got \+1 in a pass whose targets fall, .* cycle 4\?"
+        ):
+            tn.diagnose(swapped)
+
+
+def test_the_other_sign_in_half_of_the_cycles_is_asked_about() -> None:
+    data = run(5, timed=True)
+    data = data[data.cycle < 5]
+    said = tn.diagnose(other_sign(data, data.cycle % 2 == 0)).mistakes
+    assert any("the targets rise in 4 passes and fall in as many" in text for text in said)
+
+
+def test_orders_that_a_measurement_may_have_are_not_refused() -> None:
+    """Pilgrim steps, some stops back, rows sorted by target, one side approached on both ways."""
+    data = run(6, timed=False)
+    pilgrim = data[np.lexsort((-data.direction, data.cycle, data.target))]
+    by_target = data[np.lexsort((data.target, data.direction, data.cycle))]
+    one_way = data.with_columns(direction=np.ones(len(data), dtype=int))
+    mixed = data[np.random.default_rng(6).permutation(len(data))]
+    some_back = [*range(5), *range(3, -1, -1), *range(9), *range(9, 18)]  # 4 steps back
+    stops = data[np.concatenate([18 * cycle + np.array(some_back) for cycle in range(5)])]
+    stops = stops.with_columns(
+        measured_mm=stops.measured_mm + 1e-5 * np.random.default_rng(6).normal(size=len(stops))
+    )
+    for one in (data, pilgrim, by_target, mixed, one_way, stops):
+        assert not [text for text in tn.diagnose(one).mistakes if text.startswith("direction")]
+    assert not asked(other_sign(pilgrim, pilgrim.cycle == 3))  # its order says nothing of a sign

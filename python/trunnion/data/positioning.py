@@ -14,6 +14,7 @@ from trunnion.base.errors import DataError
 from trunnion.base.recognition import all_displayed
 from trunnion.base.record import files_of, hold_files
 from trunnion.base.units import Flags, Floats, Integers
+from trunnion.data.approach import refuse_other_approach
 from trunnion.data.distinct import own_cycles
 from trunnion.data.iso230_2 import Iso2302, Iso2302Rotary
 from trunnion.data.places import MIN_DISTANCE, Places
@@ -161,9 +162,11 @@ class Positioning(Table):
         Raises
         ------
         DataError
-            One direction only, or fewer than two stops at a target from one direction.
+            One direction only, fewer than two stops at a target from one direction, or passes
+            whose targets fall with a direction with which those of most others rise.
         """
         self.check_units()
+        refuse_other_approach(self)
         own = own_cycles(self)
         result = own.data._results()
         result = replace(result, notes=(*own.notes, *result.notes))

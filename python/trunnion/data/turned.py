@@ -43,7 +43,9 @@ def turn_doubts(data: Levels) -> tuple[str, ...]:
     if len(places) < MIN_PLACES:
         return ()
     values = np.stack([np.asarray(data.columns[f"{c}_um_m"]) for c in data.components], axis=1)
-    moment = np.arange(len(values)) if data.time_s is None else np.asarray(data.time_s)
+    moment = np.arange(len(values), dtype=np.float64)
+    if data.time_s is not None:
+        moment = np.asarray(data.time_s, dtype=np.float64)
     first = _of_round(rounds == 0, index, len(places))
     step = max(displayed(column) for column in values.T)
     for k in range(1, int(rounds.max(initial=0)) + 1):

@@ -16,6 +16,7 @@ import numpy as np
 
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.units import Flags, Floats, Integers
+from trunnion.data.approach import refuse_other_approach
 from trunnion.data.positioning import Positioning
 from trunnion.data.times import elapsed_s
 from trunnion.diagnosis.effect import (
@@ -481,4 +482,5 @@ def build(
 ) -> PositioningModel:
     """Build the model of stops; it needs no set-up."""
     data.check_units()
+    refuse_other_approach(data)
     return PositioningModel(data, effects)
