@@ -21,13 +21,19 @@ MIN_RELATIVE_SPREAD = 0.02
 FOLLOWING = 0.1
 """By how much the slope of positions over nominal ones differs from 1 at most."""
 
+MIN_OTHER_BAR_MM = 1.0
+"""By how much a bar of another length differs from the radius of the program at least."""
+
+MAX_OTHER_BAR = 5.0
+"""By which factor at most: units differ by more."""
+
 MAX_OFF_CIRCLE = 1e-3
 """Of the radius: how far commanded positions of a ball-bar lie off their circle or sphere."""
 
 
 def from_deviations(data: Table) -> Iterator[tuple[str, Table, float]]:
     """Yield what readings may be deviations from, the data if they are, and mm of their unit."""
-    expected = _nominal_readings(data)
+    expected = nominal_readings(data)
     if not expected:
         return
     holds, what = ("are", "places") if len(expected) > 1 else ("holds", "length")
@@ -49,6 +55,29 @@ def from_deviations(data: Table) -> Iterator[tuple[str, Table, float]]:
         yield text, made, factor
 
 
+def of_another_bar(data: Table) -> Iterator[tuple[str, Table]]:
+    """Yield the data with lengths about those commanded, where all differ from these by much.
+
+    A bar of another nominal length than the radius of the program, or than its set-up has it.
+    """
+    if not isinstance(data, Ballbar) or (radius := _bar_mm(data)) is None:
+        return
+    measured, said = np.array(data.length_mm, dtype=np.float64), []
+    for label in np.unique(data.setup):
+        rows = data.setup == label
+        off = float(np.median(measured[rows] - radius[rows]))
+        commanded = float(np.median(radius[rows]))
+        if abs(off) < MIN_OTHER_BAR_MM:
+            continue
+        if not 1 / MAX_OTHER_BAR < 1.0 + off / commanded < MAX_OTHER_BAR:
+            return
+        measured[rows] -= off
+        said.append(f"{commanded + off:.4g} mm long where {commanded:.4g} mm are commanded")
+    if said:
+        some = " and ".join(dict.fromkeys(said))
+        yield f"if the ball-bar is {some}", data.with_columns(length_mm=measured)
+
+
 def _follows(values: Floats, places: Mapping[str, Floats]) -> bool:
     """Whether values change by as much as places do: such a column holds positions in mm."""
     about = np.column_stack([place - place.mean() for place in places.values()])
@@ -56,7 +85,7 @@ def _follows(values: Floats, places: Mapping[str, Floats]) -> bool:
     return abs(float(np.linalg.norm(slopes)) - 1.0) < FOLLOWING
 
 
-def _nominal_readings(data: Table) -> Mapping[str, Floats]:
+def nominal_readings(data: Table) -> Mapping[str, Floats]:
     """Return what readings should be, by name, as far as the data tell."""
     if isinstance(data, Ballbar):
         return {} if (length := _bar_mm(data)) is None else {"length_mm": length}

@@ -15,7 +15,8 @@ import numpy as np
 
 from trunnion.base.errors import DataError, KinematicsError, TrunnionError
 from trunnion.base.units import unit_of
-from trunnion.data.deviations import from_deviations
+from trunnion.data.apart import rows_apart, said_of
+from trunnion.data.deviations import from_deviations, nominal_readings, of_another_bar
 from trunnion.data.mistaken import factors, listed, of_number
 from trunnion.files.table import Table
 from trunnion.setup import Machine, Setup
@@ -77,10 +78,23 @@ def meant_named(data: Any, setup: Any, scatter: Scatter) -> Iterator[None]:
         yield
     except (DataError, KinematicsError) as error:
         known = isinstance(error, DataError) and error.cause_known
-        if not known and (cause := likely_meant(data, setup, scatter, _fits)):
+        if not known and (cause := _likely_cause(data, setup, scatter)):
             text = str(error)
             error.args = (f"{text}{'' if text.endswith('?') else '.'} Likely cause: {cause}",)
         raise
+
+
+def _likely_cause(data: Any, setup: Any, scatter: Scatter) -> str:
+    """Say what makes refused data fit: without a few rows, else as otherwise meant."""
+    if isinstance(data, Table) and len(data):
+        for apart in rows_apart(data, nominal_readings(data)):
+            with suppress(TrunnionError):
+                without = Guess("", some_rows(data[~apart]), setup)
+                left = scatter(without.data, setup)
+                if _fits(without, left):
+                    fit = f"without {'it' if apart.sum() == 1 else 'them'} the data fit to"
+                    return f"{said_of(data, apart)}; {fit} {left:.3g} {_unit(data)}."
+    return likely_meant(data, setup, scatter, _fits)
 
 
 def likely_better(data: Any, setup: Any, scatter: Scatter, before: float, after: float) -> str:
@@ -136,6 +150,8 @@ def guesses(data: Table, setup: Any) -> Iterator[Guess]:
     yield from _scaled(data, setup, (*data.readings, *data.set_positions), both=True)
     for text, meant, factor in from_deviations(data):
         yield Guess(text, meant, setup, factor)
+    for text, meant in of_another_bar(data):
+        yield Guess(text, meant, setup)
     for name in (*data.set_positions, *data.readings):
         with suppress(TrunnionError):
             meant = data.with_columns(**{name: -data[name]})
