@@ -47,6 +47,6 @@ def said_of(data: Table, apart: Flags) -> str:
     one = len(rows) == 1
     return (
         f"{len(rows)} of {len(data)} rows {'does' if one else 'do'} not go with the others (a "
-        f"drop-out, or nothing measured?): {places(data, rows.tolist(), MAX_SHOWN)} "
+        f"drop-out, nothing measured, a typing error?): {places(data, rows.tolist(), MAX_SHOWN)} "
         f"hold{'s' if one else ''} {what}"
     )
