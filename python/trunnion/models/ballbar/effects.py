@@ -34,7 +34,7 @@ CATALOGUED = (
     "squareness_yz",
 )
 """Ids that are in the catalogue of the machine, too."""
-BAR_LENGTH, SHIFT = "ballbar_length", "setup_shift"
+BAR_LENGTH, SHIFT, BACKLASH_SLOPE = "ballbar_length", "setup_shift", "backlash_slope_"
 OF_POSITIONING = (
     "a positioning error of the {0} axis that is bent by as much (E{0}{0}). A positioning run of "
     "{0} says which it is"
@@ -227,7 +227,7 @@ def _backlash_slopes(path: Path, behind: Floats, axis: int) -> list[Effect]:
     if path.hours is None or np.ptp(path.hours) == 0:
         return out
     for along in sorted(path.moving, key=lambda a: a != axis):
-        name, of, over = f"backlash_slope_{AXES[axis]}", AXES[axis].upper(), AXES[along].upper()
+        name, of, over = f"{BACKLASH_SLOPE}{AXES[axis]}", AXES[axis].upper(), AXES[along].upper()
         label, looks_like = f"backlash of the {of} axis that grows along {over}", ""
         if along != axis:
             name += f"_along_{AXES[along]}"

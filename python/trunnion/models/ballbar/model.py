@@ -31,6 +31,7 @@ from trunnion.hybrid.readings import (
 from trunnion.machine.estimate import Estimate
 from trunnion.machine.linear_axes import LinearMotion, Travel
 from trunnion.models.ballbar.effects import (
+    BACKLASH_SLOPE,
     BAR_LENGTH,
     MIN_REACH,
     SHIFT,
@@ -41,13 +42,18 @@ from trunnion.models.ballbar.effects import (
     setup_shift,
 )
 from trunnion.models.ballbar.machine import ThreeAxis, machine_of
-from trunnion.models.ballbar.path import AXES, Path
+from trunnion.models.ballbar.path import AXES, Path, left_by
 from trunnion.models.ballbar.settings import BallbarSettings
 from trunnion.setup import Setup
 
 SENSES = ((1.0, "counter-clockwise"), (-1.0, "clockwise"))
 FIRST_ORDER_NOISE_UM = 0.03  # of an instrument that shows 0.1 µm; formulas to first order miss less
 MAX_SPREAD_UM = 500.0  # of commanded lengths, about their nominal one
+
+STEP = "a backlash of the {} axis that is another on either side of the middle"
+STEP_UM = 5.0  # of the two, what they may differ by
+RARE = 6.0  # of -2 ln L, by which it has to explain better: one in 20 beforehand
+BY_CHANCE = 10.0  # of -2 ln L, that one more cause among all has to gain
 
 POINTS_KEPT = 4  # the start, to which every fit returns, and the last ones
 TRIAL_NUMBERS = 1 << 20  # readings of the trial values that are compared at once
@@ -320,6 +326,29 @@ class BallbarModel(Model):
         """A displacement of the tool point along X, Y, Z, and the bar itself."""
         named = {AXES[a].upper(): self.bar[:, a] for a in self.path.moving}
         return {**named, "the length": np.ones(len(self._used))}
+
+    def supposed(self, effects: EffectValues) -> Mapping[str, Floats]:
+        """Beside other causes a backlash that grows may be one that changes in the middle.
+
+        Where that explains more than all that grow do, but for what more of them gain by chance.
+        """
+        known = {e.id: e for e in self.effects if e.id in effects}
+        grow = [name for name in known if name.startswith(BACKLASH_SLOPE)]
+        if not grow or len(known) < 2:
+            return {}
+        values = {id_: effects[id_] for id_ in known}
+        own = {k: self.effect_jacobian(self.start, e, values[k]) for k, e in known.items()}
+        always = [self.base_jacobian(self.start), *(x for k, x in own.items() if k not in grow)]
+        r = self.readings.values - self.predict(
+            self.start, {k: v for k, v in values.items() if k not in grow}
+        )
+        least = left_by(np.column_stack([*always, *(own[k] for k in grow)]), r)
+        least *= np.exp((BY_CHANCE * (len(grow) - 1) - RARE) / len(r))
+        return {
+            STEP.format(AXES[axis].upper()): STEP_UM * step[:, None]
+            for axis, step in self.path.steps_of_backlash(self.bar)
+            if left_by(np.column_stack([*always, step]), r) < least
+        }
 
     @property
     def groups(self) -> Integers:

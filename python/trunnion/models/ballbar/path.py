@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import orth
 
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.data.ballbar import Ballbar
@@ -27,6 +29,7 @@ MIN_TRAVEL_MM = 1e-3
 #: Share of a run's readings that may be left out as at reversals: of a coarse circle they are many.
 MAX_LEFT_OUT = 0.2
 TINY = 1e-300
+DEPENDENT = 1e-9  # of the largest singular value of columns of unit length
 
 
 class Path:
@@ -151,6 +154,16 @@ class Path:
         sign = self.travel(self.tips[:, axis])
         return sign if np.any(sign > 0) and np.any(sign < 0) else None
 
+    def steps_of_backlash(self, direction: Floats) -> Iterator[tuple[int, Floats]]:
+        """What 1 µm makes that a backlash has more behind the middle and less before it, by axis.
+
+        ``direction``: of the bar, (n, 3).
+        """
+        for axis in self.moving:
+            sign, off = self.both_ways(axis), self.tips[:, axis] - self.used.middle_mm[axis]
+            if sign is not None:
+                yield axis, -0.5 * sign * np.sign(off) * direction[:, axis]
+
     def between_reversals(self) -> Integers:
         """Rows where no axis that travels both ways stands still between them, in order.
 
@@ -252,3 +265,11 @@ def _turns_back(tips: Floats) -> Flags:
     for k in np.flatnonzero(np.einsum("ij,ij->i", way[:-1], way[1:]) < TURNS_BACK) + 1:
         out[min(moving[k - 1] + 1, moving[k])] = True
     return out
+
+
+def left_by(columns: Floats, r: Floats) -> float:
+    """Sum of squares that columns (n, k), of whatever sizes, leave of readings (n,)."""
+    size = np.linalg.norm(columns, axis=0)
+    basis = orth(columns[:, size > 0] / size[size > 0], rcond=DEPENDENT)
+    left = r - basis @ (basis.T @ r)
+    return float(left @ left)
