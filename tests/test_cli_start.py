@@ -1,5 +1,7 @@
 """From an empty folder: init and samples write files that every other command takes."""
 
+import json
+import re
 from pathlib import Path
 
 import pytest
@@ -26,6 +28,38 @@ def test_init_writes_a_set_up_and_its_plan(preset: str, artefact: str, tmp_path:
     assert setup.artefact.kind == artefact
     assert len(tn.read_touches(folder / "plan.csv")) == len(tn.plan(setup))
     assert "exists already" in run("init", str(folder), code=2)
+
+
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        ("init", "setup.toml and plan.csv are written into a folder, trunnion init DIR"),
+        ("samples", "the samples are written into a folder, trunnion samples DIR"),
+    ],
+)
+@pytest.mark.parametrize("name", ["setup.toml", "new.csv", "folder"])
+def test_a_file_for_what_goes_into_a_folder_is_refused_first(
+    command: str, said: str, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both files stood there, and the command ended with "expected .json"."""
+    monkeypatch.chdir(tmp_path)
+    refused = run(command, "--quiet", "-o", name, code=2)
+    assert said in refused
+    assert list(tmp_path.iterdir()) == []
+    run(command, "--quiet", "-o", "answer.json")
+    assert "files" in json.loads((tmp_path / "answer.json").read_text())
+
+
+def test_the_plan_of_the_page_on_rotary_tests_goes_beside_the_files_of_init(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was refused: plan.csv exists already."""
+    page = Path(__file__).parents[1] / "docs" / "how-to" / "rotary-tests.md"
+    (line,) = re.findall(r"`trunnion (rotary-test plan [^`]+)`", page.read_text(encoding="utf-8"))
+    monkeypatch.chdir(tmp_path)
+    run("init", "--quiet")
+    run(*line.split())
+    assert len(tn.read_rotary_test(tmp_path / line.split()[-1])) == 32
 
 
 def test_a_commented_set_up_reads_back(tmp_path: Path) -> None:

@@ -219,13 +219,20 @@ COMMANDS: dict[str, Command] = {}
 
 
 def command(
-    group: typer.Typer, name: str | None = None, *, values: Any, reads: bool = False
+    group: typer.Typer,
+    name: str | None = None,
+    *,
+    values: Any,
+    reads: bool = False,
+    writes: str = "",
 ) -> Callable[[Callable[P, Answer]], Callable[P, Answer]]:
     """Add a function that returns an `Answer` to a group as a command.
 
     values: The class that `Answer.values` are of, for the schema of --json: a result ("module:
         Class"), or a TypedDict.
     reads: Whether it reads measured data, and takes the options that say how.
+    writes: Which files it writes where, if these are all of its result: --output takes what --json
+        prints.
     """
 
     def decorate(function: Callable[P, Answer]) -> Callable[P, Answer]:
@@ -258,6 +265,11 @@ def command(
             try:
                 with _logged(verbose), _warnings_as_notes(), shown_progress(), _reading(how):
                     _check_given(context, output, options.get("html"))
+                    if writes and output is not None and output.suffix.lower() != ".json":
+                        raise InputError(
+                            f"--output: got {output}, expected a name that ends in .json, for what "
+                            f"--json prints: {writes}"
+                        )
                     answer = function(*arguments, **options)
                     if output is not None:
                         answer = replace(answer, shown=(*answer.shown, answer.save(output)))

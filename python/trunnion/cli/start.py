@@ -31,8 +31,10 @@ class Started(Copied):
 
 def register(app: typer.Typer) -> None:
     """Add the commands to the application."""
-    command(app, values=Printed(keys=Started))(init)
-    command(app, values=Printed(keys=Copied))(samples)
+    own = "setup.toml and plan.csv are written into a folder, trunnion init DIR"
+    command(app, values=Printed(keys=Started), writes=own)(init)
+    own = "the samples are written into a folder, trunnion samples DIR"
+    command(app, values=Printed(keys=Copied), writes=own)(samples)
 
 
 def init(
