@@ -21,6 +21,7 @@ Rng = np.random.Generator
 SETUP = tn.Setup(artefact=tn.Artefact("none"))
 BARS = 100.0 * np.array([*np.eye(3), [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 SECONDS = 3.0  # between rows
+PAUSE_S, PAUSED = 3600.0, 0.3  # of so many drawn tests
 STEP = 1.0  # µm, arcsec: of differences by what is always fitted
 
 
@@ -69,13 +70,18 @@ class Hidden:
 
 @dataclass(frozen=True, eq=False)
 class Test:
-    """Commands of a test, one a row. ``bar``: from ball to tool, mm; zeros: an R-test."""
+    """Commands of a test, one a row.
+
+    bar: From ball to tool, mm; zeros: an R-test. pause: Before the second ball or bar, else the
+    second half, s.
+    """
 
     a: Floats
     c: Floats
     ball: Floats
     bar: Floats
     label: NDArray[np.int64]
+    pause: float = 0.0
 
     @classmethod
     def of(cls, a: Floats, c: Floats, balls: Floats, bars: Floats | None = None) -> Test:
@@ -95,7 +101,15 @@ class Test:
     @property
     def time(self) -> Floats:
         """Of each row, s."""
-        return np.asarray(SECONDS * np.arange(len(self.a)))
+        return np.asarray(SECONDS * np.arange(len(self.a)) + self.pause * self.late)
+
+    @property
+    def late(self) -> Floats:
+        """1 in the rows after the pause, else 0."""
+        place = np.column_stack([self.ball, self.bar])
+        other = np.flatnonzero(np.any(place != place[0], axis=1))
+        first = other[0] if len(other) else len(place) // 2
+        return np.asarray(np.arange(len(place)) >= first, dtype=np.float64)
 
     def tool(self) -> Floats:
         """Where the tool is sent, mm."""
@@ -155,8 +169,10 @@ def drawn_test(rng: Rng) -> Test:
     ).round(1)
     balls[1, :2] *= -1
     if rng.random() < 0.3:
-        return Test.of(a, c, balls, BARS)
-    return Test.of(a, c, balls[: int(rng.integers(1, 3))])
+        test = Test.of(a, c, balls, BARS)
+    else:
+        test = Test.of(a, c, balls[: int(rng.integers(1, 3))])
+    return replace(test, pause=PAUSE_S * float(rng.random() < PAUSED))
 
 
 def _cyclic(test: Test, rng: Rng) -> Hidden:
@@ -171,6 +187,31 @@ def _warm(axis: int) -> Callable[[Test, Rng], Hidden]:
         return Hidden({}, {}, off=1e-3 * np.outer(1 - np.exp(-test.time / share), np.eye(3)[axis]))
 
     return warm
+
+
+def _off(axis: int) -> Callable[[Test, Rng], Hidden]:
+    """The tool stands elsewhere after the pause."""
+    return lambda test, _: Hidden({}, {}, off=1e-3 * np.outer(test.late, np.eye(3)[axis]))
+
+
+def _slip(test: Test, rng: Rng) -> Hidden:
+    """The ball stands elsewhere on the table after the pause."""
+    return Hidden({}, {}, moved=1e-3 * np.outer(test.late, rng.standard_normal(3)))
+
+
+OF_BREAK: dict[str, Callable[[Test, Rng], Hidden]] = {
+    "zero_shift_x": _off(0),
+    "zero_shift_y": _off(1),
+    "zero_shift_z": _off(2),
+    "setup_shift": _slip,
+}
+SHIFTED = "EY0C"  # by location_shift_c
+
+
+def shifted(test: Test, error: str) -> Floats:
+    """What a location error changes that is larger by a unit after the pause."""
+    change = test.readings(Hidden({error: STEP}, {})) - test.readings(Hidden({}, {}))
+    return np.asarray(change * np.repeat(test.late, len(change) // len(test.a)) / STEP)
 
 
 OF_READINGS: dict[str, Callable[[Test, Rng], Hidden]] = {
@@ -190,8 +231,10 @@ def cause(test: Test, name: str, rng: Rng) -> Floats:
     """What a cause of some size changes in the readings."""
     if name == "ballbar_length":
         return np.ones(len(test.a))
-    if name in OF_READINGS:
-        hidden = OF_READINGS[name](test, rng)
+    if name == "location_shift_c":
+        return shifted(test, SHIFTED)
+    if name in OF_READINGS or name in OF_BREAK:
+        hidden = {**OF_READINGS, **OF_BREAK}[name](test, rng)
     else:
         values = {p: float(rng.standard_normal()) for p in forward.EFFECTS[name]}
         hidden = Hidden({}, {name: values})
@@ -215,4 +258,9 @@ def unknown(test: Test, rng: Rng) -> Floats:
 
 def causes_of(test: Test) -> Sequence[str]:
     """Which of them this test has."""
-    return (*OF_MACHINE, *OF_READINGS, *(("ballbar_length",) if test.lengths else ()))
+    bar = ("ballbar_length",) if test.lengths else ()
+    if not test.pause:
+        return (*OF_MACHINE, *OF_READINGS, *bar)
+    # places of balls that begin with the pause are unknown anyhow
+    breaks = (name for name in OF_BREAK if name != "setup_shift" or not test.label.any())
+    return (*OF_MACHINE, *OF_READINGS, *breaks, "location_shift_c", *bar)

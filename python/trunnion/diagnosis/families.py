@@ -67,7 +67,7 @@ _LOST = (
 
 OF_BREAK = Family(
     "measurement in two parts",
-    r"zero_shift(_[xyz])?",
+    r"zero_shift(_[xyz])?|location_shift_[abc]",
     "measure again in one go, or begin again after a break with readings that were taken before "
     "it: what differs between the two is the shift.",
 )

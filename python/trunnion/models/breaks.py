@@ -9,15 +9,16 @@ instrument may be set to zero before each.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats, Integers
-from trunnion.diagnosis.effect import Effect, linear
+from trunnion.diagnosis.effect import Effect, Parameter, gridded, linear
 from trunnion.machine.effects import Owner
 from trunnion.models.slips import FromThenOn
 
@@ -38,21 +39,31 @@ def break_of(time_s: Floats, cycle: Integers | None = None) -> float | None:
 
     cycle: Of each reading. What is usual between cycles is no break.
     """
+    moments, longer = _between(time_s, cycle)
+    longest = int(np.argmax(longer)) if len(longer) else 0
+    return float(moments[longest]) if len(longer) and longer[longest] >= 0 else None
+
+
+def breaks_of(time_s: Floats) -> tuple[float, ...]:
+    """Return a time in each break between readings, in order."""
+    moments, longer = _between(time_s)
+    return tuple(moments[longer >= 0].tolist())
+
+
+def _between(time_s: Floats, cycle: Integers | None = None) -> tuple[Floats, Floats]:
+    """Return a time between readings, but for the first and last, and by how much it is a break."""
     order = np.argsort(time_s, kind="stable")
     times = np.asarray(time_s, dtype=np.float64)[order]
     if len(times) < 2 * MIN_READINGS:
-        return None
+        return np.zeros(0), np.zeros(0)
     apart = np.diff(times)
     usual = np.full(len(apart), np.median(apart))
     between = np.zeros(len(apart), dtype=bool) if cycle is None else np.diff(cycle[order]) != 0
     if between.sum() > 1:
         usual[between] = np.percentile(apart[between], 50, method="lower")
     longer = apart - np.maximum(MIN_BREAK_S, MIN_TIMES_USUAL * usual)
-    inner = longer[MIN_READINGS - 1 : len(apart) - MIN_READINGS + 1]
-    longest = MIN_READINGS - 1 + int(np.argmax(inner))
-    if longer[longest] < 0:
-        return None
-    return float(times[longest] + times[longest + 1]) / 2
+    inner = slice(MIN_READINGS - 1, len(apart) - MIN_READINGS + 1)
+    return ((times[1:] + times[:-1]) / 2)[inner], longer[inner]
 
 
 def restart_of(cycle: Integers, stop: Integers) -> int | None:
@@ -109,6 +120,53 @@ def zero_shift(letter: str, columns: Floats, size: str = ZERO) -> Effect:
     axis, end = (f"{letter.upper()} axis", f"_{letter}") if letter else ("axis", "")
     label = f"zero of the {axis}, shifted in a break of the measurement"
     return linear(f"zero_shift{end}", [size], columns, label, owner=Owner.PLACEMENT)
+
+
+def moment_between(when: Floats, order: Integers, first: ArrayLike) -> Floats:
+    """Moments before readings, by their numbers in the order of time."""
+    at = np.asarray(first, dtype=np.intp)
+    return np.asarray((when[order[at - 1]] + when[order[at]]) / 2)
+
+
+def shift_from(
+    id_: str,
+    names: Sequence[str],
+    enters: Floats,
+    when: Floats,
+    moments: Sequence[float],
+    time: str,
+    label: str,
+) -> Effect:
+    """Make a shift from a moment on, one of some, as an effect of the placement.
+
+    names: Of its sizes. enters: What a unit of each changes, (n, k). when: Of each reading. time:
+    Name of the moment, a parameter where there are several.
+    """
+    shape = _ShiftFrom(time, when, enters)
+    if len(moments) == 1:
+        columns = shape.columns({time: moments[0]})
+        return linear(id_, names, columns, label, owner=Owner.PLACEMENT)
+    grid = tuple(map(float, moments))
+    at = Parameter(time, grid=grid, bounds=(float(np.min(when)), float(np.max(when))))
+    sizes: list[str | Parameter] = [*names, at]
+    return gridded(id_, sizes, shape.columns, label, slopes=shape.slopes, owner=Owner.PLACEMENT)
+
+
+@dataclass(frozen=True, eq=False)
+class _ShiftFrom:
+    """Columns ``enters`` from a moment on; ``when``: of each reading, called ``name``."""
+
+    name: str
+    when: Floats
+    enters: Floats
+
+    def columns(self, values: Mapping[str, float]) -> Floats:
+        """Columns of the shift, (N, k)."""
+        return np.asarray((self.when > values[self.name])[:, None] * self.enters)
+
+    def slopes(self, _: Mapping[str, float]) -> Floats:
+        """No derivative by the moment, (N, 1)."""
+        return np.zeros((len(self.when), 1))
 
 
 @dataclass(frozen=True)

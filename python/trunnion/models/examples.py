@@ -214,6 +214,14 @@ def rotary_test() -> tuple[RotaryTest, Setup]:
     return _rotary_test(setup, {"near": (90.0, 20.0, 60.0), "far": (-40.0, 110.0, 90.0)}), setup
 
 
+def rotary_test_in_two_parts() -> tuple[RotaryTest, Setup]:
+    """An R-test of one ball, with a break of half an hour in its middle."""
+    setup = Setup(artefact=Artefact("none"))
+    data = _rotary_test(setup, {"near": (90.0, 20.0, 60.0)})
+    later = 1800.0 * (np.arange(len(data)) >= len(data) // 2)
+    return data.with_columns(time_s=np.asarray(data.time_s) + later), setup
+
+
 def rotary_bars() -> tuple[RotaryTest, Setup]:
     """A ball-bar in three directions."""
     setup = Setup(artefact=Artefact("none"), rotary_test={"balls_mm": [(90.0, 20.0, 60.0)] * 3})

@@ -94,7 +94,7 @@ _MORE_EXAMPLES = {
     "levels": ("levels_read_again", "surface_levels"),
     "points": ("points_in_two_parts",),
     "positioning": ("positioning_in_two_parts",),
-    "rotary_test": ("rotary_bars",),
+    "rotary_test": ("rotary_test_in_two_parts", "rotary_bars"),
     "touches": ("touches_in_two_parts",),
 }
 

@@ -26,7 +26,7 @@ from trunnion.diagnosis.model import FINEST_NOISE, Covariate, Model, Nuisance, R
 from trunnion.diagnosis.own_effects import with_own
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
-from trunnion.models.breaks import break_of, passes_of
+from trunnion.models.breaks import break_of, moment_between, passes_of, shift_from
 
 MAX_KINKS = 200  # places that are tried for a kink
 MIN_PLACES = 4
@@ -330,23 +330,15 @@ def _zero_shift(rows: _Rows) -> list[Effect]:
     when = np.arange(float(len(data))) if data.time_s is None else np.asarray(data.time_s)
     order = np.argsort(when, kind="stable")
     first = passes_of(data.stations[1][order])
-    moments = list((when[order[first - 1]] + when[order[first]]) / 2)
+    moments = list(moment_between(when, order, first))
     if data.time_s is not None and (t0_s := break_of(when)) is not None:
         moments.append(t0_s)
-    grid = tuple(float(t) for t in np.unique(moments) if _apart(data, when > t))
-    if not grid:
+    shown = [float(t) for t in np.unique(moments) if _apart(data, when > t)]
+    if not shown:
         return []
     names = [f"d_{c}_um_m" for c in data.components]
     label = "zero of the level, set again between passes or in a break"
-    shape = _FromThenOn(name, when[rows.row], rows.each())
-    if len(grid) == 1:
-        return [linear(SHIFT, names, shape.columns({name: grid[0]}), label, owner=Owner.PLACEMENT)]
-    at = Parameter(name, grid=grid, bounds=(float(np.min(when)), float(np.max(when))))
-    return [
-        gridded(
-            SHIFT, [*names, at], shape.columns, label, slopes=shape.slopes, owner=Owner.PLACEMENT
-        )
-    ]
+    return [shift_from(SHIFT, names, rows.each(), when[rows.row], shown, name, label)]
 
 
 def _of_shape(rows: _Rows, frame: _Frame) -> list[Effect]:
@@ -418,23 +410,6 @@ def _straight_part(data: Levels, frame: _Frame, field: Mapping[str, float]) -> F
     straight = frame.scaled(rows.place) / np.std(stations, axis=0)
     each = [rows.each(rows.sense * column) * sizes for column in straight.T]
     return np.concatenate(each, axis=1)
-
-
-@dataclass(frozen=True, eq=False)
-class _FromThenOn:
-    """Columns ``enters`` from a moment on; ``when``: of each reading, called ``name``."""
-
-    name: str
-    when: Floats
-    enters: Floats
-
-    def columns(self, values: Mapping[str, float]) -> Floats:
-        """Columns of the shift, (N, k)."""
-        return np.asarray((self.when > values[self.name])[:, None] * self.enters)
-
-    def slopes(self, _: Mapping[str, float]) -> Floats:
-        """No derivative by the moment, (N, 1)."""
-        return np.zeros((len(self.when), 1))
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,6 +38,7 @@ from trunnion.machine.estimate import Estimate
 from trunnion.machine.geometry import made_with
 from trunnion.models.ballbar.effects import MIN_REACH, ballbar_length
 from trunnion.models.rotary.motions import MIN_OF_A_SENSE, periods
+from trunnion.models.rotary_breaks import Shifts
 from trunnion.models.warming import warmup
 from trunnion.probing.rotary_acting import SENSORS, sensors_of
 from trunnion.probing.rotary_readings import (
@@ -116,7 +117,7 @@ class RotaryTestModel(Model):
         self._given = tuple(effects)
         fitted = at_start @ np.linalg.lstsq(at_start, self.readings.values, rcond=None)[0]
         self._catalogue = _Catalogue(
-            self._known, (self._reference + fitted).reshape(measured.shape)
+            self._known, (self._reference + fitted).reshape(measured.shape), at_start
         )
         found = self._catalogue.effects()
         known = self._known.chain.effects
@@ -231,9 +232,14 @@ class RotaryTestModel(Model):
 class _Catalogue:
     """Candidate causes of these readings, on the machine of the set-up."""
 
-    def __init__(self, known: RotaryReadings, fitted_um: Floats) -> None:
-        """``fitted_um``: readings as location errors alone explain them, (n, 3) or (n, 1)."""
+    def __init__(self, known: RotaryReadings, fitted_um: Floats, at_start: Floats) -> None:
+        """Prepare them.
+
+        fitted_um: Readings as location errors alone explain them, (n, 3) or (n, 1). at_start:
+        Derivatives by all unknowns of the plain model, (readings, unknowns).
+        """
         self._known = known
+        self._at_start = at_start
         self._fitted_um = fitted_um
         self._data = known.data
         chain = known.chain
@@ -256,6 +262,7 @@ class _Catalogue:
             made += self._of_axis(number, letter)
         if data.time_s is not None and np.ptp(data.time_s) > 0:
             made += self._of_time(elapsed_s(data.time_s))
+            made += self._of_breaks(data.time_s)
         if self._bar is not None and self._known.bar_is_known:
             made.append(ballbar_length(len(data)))
         if self._known.tool_is_known:
@@ -294,6 +301,21 @@ class _Catalogue:
                 f"warmup_{name}", "amplitude_um", 60.0 * hours, enters, f"warm-up {along}",
                 owner=Owner.TIME,
             )  # fmt: skip
+
+    def _of_breaks(self, time_s: Floats) -> Iterator[Effect]:
+        """Shifts in a break."""
+        known = self._known
+        units = known.chain.location_errors
+        # the axis next to the table first: of others it leaves what differs from these
+        carried = {
+            name: self._at_start[:, known.names.index(name)]
+            for name in reversed(units)
+            if units[name] == "um"
+        }
+        table = [self.moved(np.broadcast_to(1e-3 * row, (len(self._data), 3))) for row in np.eye(3)]
+        ways = {x: self.enters(-row) for x, row in zip("xyz", np.eye(3), strict=True)}
+        shifts = Shifts(time_s, 3 // self._narrow, self._at_start)
+        return shifts.effects(ways, carried, -np.column_stack(table))
 
     @property
     def _narrow(self) -> int:
