@@ -42,6 +42,7 @@ TOO_LARGE = {"mm": 6e4, "µm": 2e3}
 MIN_VARIATION = 0.02
 """Of readings in µm, of their size: diameters of one part in place of their errors vary by less."""
 MAX_RIVALS = 4
+TURNED = " (turned by 180°: all errors have the other sign)"
 MAX_ROWS = 500
 
 
@@ -156,6 +157,10 @@ def guesses(data: Table, setup: Any) -> Iterator[Guess]:
         with suppress(TrunnionError):
             meant = data.with_columns(**{name: -data[name]})
             yield Guess(f"if {name} counts the other way{_sense(name)}", meant, setup)
+    for one, other in combinations([name for name in data.vector if name in data.readings], 2):
+        with suppress(TrunnionError):
+            meant = data.with_columns(**{one: -data[one], other: -data[other]})
+            yield Guess(f"if {one} and {other} count the other way{TURNED}", meant, setup)
     for names in (tuple(data.readings), tuple(data.set_positions)):
         for one, other in combinations(names, 2):
             if unit_of(one) == unit_of(other):

@@ -34,6 +34,7 @@ class RotaryTest(Table):
     """
 
     smallest_mm = 12.0  # a ball on a stem stands farther from where the axes meet
+    vector = READINGS
     choice = "those of a_deg, b_deg, c_deg whose axes the machine has"
 
     a_deg = OptionalNumber("commanded position of the A axis, deg", commanded=True)

@@ -454,7 +454,7 @@ def _explained_without(case: Case, bad: Integers) -> Choice:
     for _ in range(MAX_REVISIONS if len(bad) else 0):
         late = case.rows[kept_rows(n, bad)][far_out(case, without.fit)]
         revised = np.union1d(_still_out(case, without, bad), late)
-        if np.array_equal(revised, bad):
+        if np.array_equal(revised, bad) or len(revised) > out.MAX_SHARE * n:
             break
         bad = revised
         without = explain(case.without(bad))

@@ -192,7 +192,9 @@ def _explained(case: Case, after: Search | None = None) -> Explanation:
         if unexplained or picked or smooth:
             chances = Probabilities(searched, candidates, processes=smooth)
             tried, terms, extended = _with_structure(case, both, chances)
-            idle = idle_beside(case, terms, extended, UNDETERMINED_P / candidates.multiplicity)
+            idle = idle_beside(
+                case, terms, extended, UNDETERMINED_P / max(candidates.multiplicity, 1)
+            )
             bad = {j for j, e in enumerate(case.effects) if e.id in idle}
             if bad := bad or _in_doubt_beside(case, terms, tried, extended):
                 candidates.ban(bad)

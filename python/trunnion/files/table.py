@@ -89,6 +89,7 @@ class Table(Saved):
     in_order: ClassVar[bool] = True  # rows stand in the order of measurement
     slight_moves: ClassVar[bool] = False  # positions may differ by fractions of a millimetre
     smallest_mm: ClassVar[float] = 1.0  # largest position, below which it is in another unit
+    vector: ClassVar[tuple[str, ...]] = ()  # readings that an instrument turned by 180° has by -1
     clock: ClassVar[str] = ""  # column of what each has its own time from zero
     __slots__ = ("_began", "_columns", "_origin")
 

@@ -39,8 +39,8 @@ from trunnion.machine.geometry import made_with
 from trunnion.models.ballbar.effects import MIN_REACH, ballbar_length
 from trunnion.models.rotary.motions import MIN_OF_A_SENSE, periods
 from trunnion.models.rotary_breaks import Shifts
+from trunnion.models.rotary_sensors import Sensors
 from trunnion.models.warming import warmup
-from trunnion.probing.rotary_acting import SENSORS, sensors_of
 from trunnion.probing.rotary_readings import (
     OFFSETS,
     TOOL,
@@ -115,11 +115,10 @@ class RotaryTestModel(Model):
         )
         self._at = [(self.start, at_start[:, self._fitted])]
         self._given = tuple(effects)
-        fitted = at_start @ np.linalg.lstsq(at_start, self.readings.values, rcond=None)[0]
-        self._catalogue = _Catalogue(
-            self._known, (self._reference + fitted).reshape(measured.shape), at_start
-        )
+        self._catalogue = _Catalogue(self._known, at_start)
         found = self._catalogue.effects()
+        if self._catalogue.mirrored(found):
+            found = []  # of such readings they would be no causes
         known = self._known.chain.effects
         self.effects = with_own(found, effects, data, known=known, described=self)
 
@@ -232,15 +231,10 @@ class RotaryTestModel(Model):
 class _Catalogue:
     """Candidate causes of these readings, on the machine of the set-up."""
 
-    def __init__(self, known: RotaryReadings, fitted_um: Floats, at_start: Floats) -> None:
-        """Prepare them.
-
-        fitted_um: Readings as location errors alone explain them, (n, 3) or (n, 1). at_start:
-        Derivatives by all unknowns of the plain model, (readings, unknowns).
-        """
+    def __init__(self, known: RotaryReadings, at_start: Floats) -> None:
+        """``at_start``: derivatives by all unknowns of the plain model, (readings, unknowns)."""
         self._known = known
         self._at_start = at_start
-        self._fitted_um = fitted_um
         self._data = known.data
         chain = known.chain
         self._errors = chain.named_errors(None)
@@ -268,26 +262,23 @@ class _Catalogue:
         if self._known.tool_is_known:
             made.append(self._of_tool())
         if self._bar is None:
-            made += self._of_sensors()
+            made += self._sensors.effects()
         return made
+
+    @cached_property
+    def _sensors(self) -> Sensors:
+        known = self._known
+        return Sensors.of(known.measured, known.modelled(known.start), self._at_start)
+
+    def mirrored(self, effects: Sequence[Effect]) -> bool:
+        """Whether a reading of an R-test counts the other way, as no effect makes it."""
+        return self._bar is None and self._sensors.mirrored(effects)
 
     def _of_tool(self) -> Effect:
         """Set-up of the tool's point: its errors are those of both axes together, alone."""
         columns = np.column_stack([self.enters(-row) for row in np.eye(3)])
         label = "offset of the tool's point from where the control has it"
         return linear(TOOL, OFFSETS, columns, label, owner=Owner.INSTRUMENT)
-
-    def _of_sensors(self) -> Iterator[Effect]:
-        """Turn against the machine's axes and gain.
-
-        Of what location errors make of the readings: of readings themselves each is its own gain.
-        """
-        ways = np.eye(3)
-        for name, (parameters, label) in SENSORS.items():
-            made = [sensors_of(name, one) - ways for one in np.eye(len(parameters))]
-            columns = [(self._fitted_um @ matrix.T).reshape(-1) for matrix in made]
-            found = np.column_stack(columns)
-            yield linear(name, parameters, found, label, owner=Owner.INSTRUMENT)
 
     def _of_time(self, seconds: Floats) -> Iterator[Effect]:
         """Drift and warm-up along X, Y, Z."""

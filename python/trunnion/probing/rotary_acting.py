@@ -92,15 +92,25 @@ class Acting:
 
 
 def sensors_of(name: str, values: ArrayLike) -> Floats:
-    """What an error of `SENSORS` makes of a displacement, (3, 3).
+    """What an error of `SENSORS` makes of a displacement, (3, 3), exactly.
 
-    values: Of its parameters, degrees or percent. A gain of all three is one of all errors.
+    values: Of its parameters, degrees (an axis times the angle about it) or percent. A gain of all
+    three is one of all errors.
     """
     if name == "sensor_gain":
         y, z = 1e-2 * np.asarray(values, dtype=np.float64)
         return np.asarray(np.diag([1.0, 1.0 + y, 1.0 + z]))
-    x, y, z = np.radians(np.asarray(values, dtype=np.float64))
-    return np.array([[1.0, -z, y], [z, 1.0, -x], [-y, x, 1.0]])
+    turn = np.radians(np.asarray(values, dtype=np.float64))
+    angle = float(np.linalg.norm(turn))
+    about = cross_with(turn)
+    once, twice = np.sinc(angle / np.pi), np.sinc(angle / (2.0 * np.pi)) ** 2 / 2.0
+    return np.asarray(np.eye(3) + once * about + twice * about @ about)
+
+
+def cross_with(vector: ArrayLike) -> Floats:
+    """Return the matrix of the cross product of a vector with another, (3, 3)."""
+    x, y, z = np.asarray(vector, dtype=np.float64)
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def _backlash(chain: Chain) -> dict[str, tuple[int, str]]:
