@@ -358,7 +358,7 @@ class _Catalogue:
             )
         if number > 2:
             place = self._axes[:, number]
-            if grid := periods(np.unique(np.round(place, 6))):
+            if grid := periods(np.unique(np.round(place, 6)), closed=True):
                 period = Parameter("period_deg", grid=grid, bounds=(grid[-1], grid[0] * 1.2))
                 label = f"cyclic positioning error of the {letter} axis"
                 parts = [(np.repeat(place, 3 // self._narrow), column)]

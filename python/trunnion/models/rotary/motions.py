@@ -275,8 +275,11 @@ def _drift(conditions: Conditions, _: Floats) -> Floats:
     return np.asarray(conditions.elapsed[:, None, None] * conditions.instrument)
 
 
-def periods(positions: Floats) -> tuple[float, ...]:
+def periods(positions: Floats, *, closed: bool = False) -> tuple[float, ...]:
     """Periods to try, deg, longest first: a third of the range to two steps.
+
+    closed: Whether positions all around, with a step from the last to the first, are of a range of
+    one turn: three periods a turn are tried, then, as no harmonics are.
 
     The longest evenly in frequency; shorter ones are whole parts of a turn, as of the teeth of a
     wheel. A period below two steps of an even sweep looks like a longer one, and is named as that.
@@ -284,7 +287,10 @@ def periods(positions: Floats) -> tuple[float, ...]:
     if len(positions) < 8:
         return ()
     span = float(positions[-1] - positions[0])
-    shortest = 2.0 * _step(positions)
+    between = _step(positions)
+    if closed and span < 360.0 <= span + between + SAME_POSITION_DEG:
+        span = 360.0
+    shortest = 2.0 * between
     step = 1.0 / (4.0 * span)
     count = int((1.0 / shortest - 3.0 / span) / step) + 1
     if count < 2:
