@@ -4,7 +4,7 @@ import copy
 import json
 import pickle
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 import trunnion as tn
-from trunnion.base.report import Result, Table
+from trunnion.base.report import Result, Table, rough, significant
 from trunnion.base.stored import plain
 
 
@@ -139,3 +139,32 @@ def test_what_is_no_json_of_the_class_is_refused_with_its_place() -> None:
         Outer.from_json(Inner("x", 1.0).to_json())
     with pytest.raises(tn.FileFormatError, match="Inner: got values that do not fit"):
         Inner.from_json('{"name": "x"}')
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "said"),
+    [
+        (270.4, 2, "270"),
+        (99.7, 1, "100"),
+        (3272.0, 3, "3270"),
+        (56200.0, 3, "56200"),
+        (-1.6942, 4, "−1.694"),
+        (0.0123, 2, "0.012"),
+        (1234567.0, 4, "1235000"),
+    ],
+)
+def test_ordinary_sizes_have_no_exponent(value: float, digits: int, said: str) -> None:
+    """Wander was "correlated over about 2.7e+02 s", a turn "+3.27e+03 arcsec"."""
+    assert rough(value, digits) == said
+    assert significant(value, digits).text == said
+    assert rough(abs(value), digits, signed=True) == "+" + said.removeprefix("−")
+
+
+def test_a_parameter_of_no_size_is_not_stated() -> None:
+    """A warm-up that is a line: amplitude and time constant grow together."""
+    sizes = {"amplitude_um": 3.06e9, "tau_min": 4.3e10}
+    cause = tn.Cause("warmup", sizes, {"amplitude_um": 2.1e8, "tau_min": np.inf}, 1e-9)
+    assert cause.size() == "2 parameters, identifiable in combination only"
+    wave = tn.Cause("wave", {"a_um": 3.0, "b_um": -3.2}, {"a_um": 39.0, "b_um": 8.4}, 1e-9)
+    assert wave.reserve == "; it acts, its size is not determined"
+    assert replace(wave, std_errors={"a_um": 39.0, "b_um": 0.4}).reserve == ""

@@ -48,4 +48,4 @@ def test_tests_that_settle_nothing_say_so() -> None:
     test = tn.NextMeasurement("a circle", "ballbar", 10.0, 0.0, {}, BAR)
     assert not test.helps
     assert "does not settle the doubt" in test.summary()
-    assert "with a probability of 80%" in replace(test, chance=0.8).summary()
+    assert "with a probability of 80 %" in replace(test, chance=0.8).summary()

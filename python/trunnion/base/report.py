@@ -38,6 +38,8 @@ SHOWN = 1e-3
 ROUNDING = 1e-9
 """A value without uncertainty below this is what rounding of the computer leaves of 0."""
 MAX_DECIMALS = 9
+LONG = 1e9
+"""From here on a number is shorter with an exponent, and of no ordinary size."""
 MAX_NAME_WIDTH = 44  # of a first column that does not wrap
 
 Cell: TypeAlias = str | float | int | bool | None
@@ -54,15 +56,20 @@ def number(value: float | None, digits: int = 4) -> str:
     return text.replace("-", "−") if float(text) != 0 else f"{0:.{digits}f}"
 
 
-def rough(value: float) -> str:
-    """Return a number to two digits as people write it: 0.012, 1.6, 160."""
-    text = f"{value:.2g}"
-    return f"{float(text):.0f}" if "e+" in text else text
+def rough(value: float, digits: int = 2, *, signed: bool = False) -> str:
+    """Return a number to so many digits as people write it: 0.012, −1.6, 270, 56200.
+
+    signed: With + before what is above 0.
+    """
+    text = f"{value:.{digits}g}"
+    short = f"{float(text):.0f}" if "e+" in text and abs(value) < LONG else text
+    plus = "+" if signed and value > 0 else ""
+    return plus + (short if "e-" in short else short.replace("-", "−"))
 
 
 def left_text(size: float) -> str:
     """Return an error that is left, µm or arcsec, as text: rounding of the computer is none."""
-    return f"less than {SHOWN:g}" if size < SHOWN else f"{size:.3g}"
+    return f"less than {SHOWN:g}" if size < SHOWN else rough(size, 3)
 
 
 class Shown(float):
@@ -79,7 +86,7 @@ class Shown(float):
 
 def significant(value: float, digits: int = 3) -> Shown:
     """Return a number shown to so many digits."""
-    return Shown(value, f"{value:.{digits}g}".replace("-", "−"))
+    return Shown(value, rough(value, digits))
 
 
 def position(value: float) -> Shown:

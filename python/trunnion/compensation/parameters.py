@@ -60,7 +60,7 @@ class Removable(Result):
     def sentences(self) -> Sequence[str]:
         """How much of it the parameters leave."""
         return (
-            f"{self.name}: {self.share_left:.1%} is left, {self.left_um:.3g} of "
+            f"{self.name}: {100 * self.share_left:.1f} % is left, {self.left_um:.3g} of "
             f"{self.before_um:.3g} µm rms per {_unit(self.unit)}.",
         )
 
@@ -90,7 +90,7 @@ def _removable_table(listed: Sequence[Removable]) -> Table:
             _unit(row.unit),
             row.before_um,
             row.left_um,
-            Shown(row.share_left, f"{row.share_left:.1%}"),
+            Shown(row.share_left, f"{100 * row.share_left:.1f} %"),
         )
         for row in listed
     ]

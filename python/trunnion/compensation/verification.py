@@ -11,7 +11,7 @@ import numpy as np
 from trunnion.base.arguments import checked
 from trunnion.base.checks import whole
 from trunnion.base.errors import DataError, InputError
-from trunnion.base.report import Cell, Result, Table
+from trunnion.base.report import Cell, Result, Table, rough
 from trunnion.base.units import ARCSEC, Floats
 from trunnion.compensation.control import ModelCompensation
 from trunnion.compensation.machine import NOMINAL, MachineErrors
@@ -370,9 +370,10 @@ def _shifts(
         turn = float(np.sum(rate * left) / np.sum(rate**2)) if np.any(rate) else 0.0
         # What is linear here is wrong by about the turn times as much.
         if _largest(left - turn * rate) <= most_um + abs(turn) * ARCSEC * size:
+            said = f"{rough(turn, 4, signed=True)} arcsec ({rough(turn / 3600, 3)} deg)"
             yield (
-                f"What is left is what {zero} = {turn:+.4g} arcsec ({turn / 3600:.3g} deg) alone "
-                f"does: did the work offset shift {letter}, was the axis homed anew, or is the "
+                f"What is left is what {zero} = {said} alone does: did the work "
+                f"offset shift {letter}, was the axis homed anew, or is the "
                 "correction of this error not in force?"
             )
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from trunnion.base.report import rough
 from trunnion.base.units import parameter_words, unit_of
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.fit import Fit
@@ -32,7 +33,7 @@ def notes_at_ends(case: Case, f: Fit, variance: float) -> Iterator[str]:
             if p.linear or not held:
                 continue
             said, end = (
-                with_unit(f"{value:.3g}", unit_of(p.name)),
+                with_unit(rough(value, 3), unit_of(p.name)),
                 "lowest" if lowest else "highest",
             )
             yield (

@@ -13,6 +13,7 @@ from itertools import product
 
 import numpy as np
 
+from trunnion.base.report import rough
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Effect, EffectValues
@@ -101,11 +102,11 @@ def _said(name: str, process: Process, when: Covariate, model: Model) -> str:
     length, shared, white = process.typical
     unit = model.readings.unit
     unit = unit if isinstance(unit, str) else unit[0]
-    over = with_unit(f"{length:.2g}", when.unit or "readings")
+    over = with_unit(rough(length), when.unit or "readings")
     of = f"{name}: " if name else ""
     return (
-        f"{of}errors of {with_unit(f'{shared:.2g}', unit)} rms that no cause makes are correlated "
-        f"over about {over}, beside {with_unit(f'{white:.2g}', unit)} of each reading"
+        f"{of}errors of {with_unit(rough(shared), unit)} rms that no cause makes are correlated "
+        f"over about {over}, beside {with_unit(rough(white), unit)} of each reading"
     )
 
 

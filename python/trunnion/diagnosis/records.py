@@ -17,6 +17,7 @@ from trunnion.base.report import (
     Table,
     left_text,
     measured,
+    number,
     plus_minus,
     significant,
 )
@@ -32,6 +33,8 @@ WITHOUT_DATA = (
     "Diagnosis.save write it: diagnose the data again"
 )
 """What is said where a picture, a budget or a model needs the data, and JSON has none."""
+MAX_SIZE = 1e6
+"""Of a parameter (µm, arcsec, ppm, µm/h): more is no size, but one side of two that cancel."""
 MAX_PARAMETERS = 7  # of a cause: of more the largest is stated
 CERTAIN = 0.9  # probability from which a cause acts, whatever its size
 MIN_P = 0.001  # smaller ones are called so
@@ -132,10 +135,9 @@ class Cause(Result):
         So it is where measurements contradict each other: either value, each of them certain.
         """
         pairs = [(self.parameters[k], self.std_errors[k]) for k in self.parameters]
-        if self.probability <= CERTAIN or len(pairs) != 1:
+        if self.probability <= CERTAIN or not pairs:
             return ""
-        value, std = pairs[0]
-        is_open = abs(value) < std < np.inf
+        is_open = all(abs(value) < std < np.inf for value, std in pairs)
         return "; it acts, its size is not determined" if is_open else ""
 
     def size(self, coverage: float = 1.0) -> str:
@@ -144,7 +146,12 @@ class Cause(Result):
             name: value_in_words(value, coverage * self.std_errors[name], unit_of(name))
             for name, value in self.parameters.items()
         }
-        known = [k for k in said if np.isfinite(self.std_errors[k])]
+        known = [
+            k
+            for k, value in self.parameters.items()
+            if np.isfinite(self.std_errors[k]) and abs(value) < MAX_SIZE
+        ]
+        said |= {k: number(np.inf) for k in said if k not in known}
         if len(said) == 1:
             return next(iter(said.values())) if known else "size not identifiable"
         named = {
@@ -153,7 +160,7 @@ class Cause(Result):
         }
         count = f"{len(said)} parameters"
         if not known:
-            return f"{count}, none identifiable by itself"
+            return f"{count}, identifiable in combination only"
         if len(said) <= MAX_PARAMETERS:
             return ", ".join(named.values())
         if len({unit_of(name) for name in known}) > 1:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from trunnion.base.report import rough
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.dependence import BLOCK, length
@@ -115,7 +116,7 @@ def when_large(model: Model, left: Floats, segments: Sequence[Integers]) -> str:
         return ""  # of one axis, or of one run, throughout: when says nothing
     some.sort(key=lambda s: int(s[1][0]))
     said = ", ".join(
-        f"{values[rows].min():.4g} to {with_unit(f'{values[rows].max():.4g}', along.unit)}"
+        f"{rough(values[rows].min(), 4)} to {with_unit(rough(values[rows].max(), 4), along.unit)}"
         for _, rows in some
     )
     return f"; {100 * share:.0f} % of it lies at {along.name} {said}"

@@ -15,6 +15,7 @@ from typing import cast
 import numpy as np
 from scipy import special
 
+from trunnion.base.report import rough
 from trunnion.base.statistics import MANY_ROWS, Spanned
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.columns import ROUNDING, storage
@@ -64,12 +65,12 @@ class Term:
                     int(str(self.number)), f"smooth, degree {self.number}"
                 )
             case "wave":
-                how = f"periodic, period {float(str(self.number)):.4g}{u}"
+                how = f"periodic, period {rough(float(str(self.number)), 4)}{u}"
             case "jump":
-                how = f"a jump at {float(str(self.number)):.4g}{u}"
+                how = f"a jump at {rough(float(str(self.number)), 4)}{u}"
             case "local":
                 place, width = self.place_and_width
-                how = f"a local error at {place:.4g}{u}, {width:.4g}{u} wide"
+                how = f"a local error at {rough(place, 4)}{u}, {rough(width, 4)}{u} wide"
             case _:
                 at = f"{self.number:g}{u}" if isinstance(self.number, float) else self.number
                 return f"{self.covariate} {at} (by itself{where})"

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from trunnion.base.arguments import checked
 from trunnion.base.checks import choose, numbers
 from trunnion.base.errors import FileFormatError, InputError
-from trunnion.base.report import Result, Table
+from trunnion.base.report import Result, Table, rough
 from trunnion.base.saved import Gridded
 from trunnion.base.stored import fitting, plain, read_json
 from trunnion.base.units import Floats, unit_of
@@ -377,7 +377,8 @@ def in_words(combination: Mapping[str, float]) -> str:
 
 def combined(combination: Mapping[str, float]) -> str:
     """Members of a combination with their components."""
-    parts = (f"{k} ({v:+.4g} {unit_of(k)})".replace(" )", ")") for k, v in combination.items())
+    said = ((k, rough(v, 4, signed=True)) for k, v in combination.items())
+    parts = (f"{k} ({size} {unit_of(k)})".replace(" )", ")") for k, size in said)
     return " together with ".join(parts)
 
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trunnion.base.report import rough
 from trunnion.base.units import Floats
 
 CONTRADICTION_SIGMAS = 3.0
@@ -43,6 +44,6 @@ def contradiction(name: str, value: float, std_error: float, stated: Stated) -> 
     if off <= CONTRADICTION_SIGMAS:
         return None
     return (
-        f"The readings contradict the {stated.what}: {name} = {value:.3g}, stated as 0 ± "
+        f"The readings contradict the {stated.what}: {name} = {rough(value, 3)}, stated as 0 ± "
         f"{stated.std:g} (1 σ), {off:.1f} standard deviations away."
     )

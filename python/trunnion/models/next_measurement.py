@@ -27,7 +27,7 @@ from trunnion.diagnosis.discrimination import Discrimination, Hypothesis
 from trunnion.diagnosis.effect import Values
 from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.model import Model
-from trunnion.diagnosis.records import Alternative
+from trunnion.diagnosis.records import Alternative, percent
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.whitening import Scaled, identity
 from trunnion.models.ballbar.model import BallbarModel
@@ -96,9 +96,9 @@ class NextMeasurement(Result):
     def sentences(self) -> Sequence[str]:
         """Say what to measure, how long it takes and what it is expected to settle."""
         if not self.helps:
-            expected = f"does not settle the doubt (probability below {NO_HELP:.1%})"
+            expected = f"does not settle the doubt (probability below {100 * NO_HELP:.1f} %)"
         else:
-            expected = f"settles the doubt with a probability of {self.chance:.0%}"
+            expected = f"settles the doubt with a probability of {percent(self.chance)}"
         return (f"{self.label}: {self.minutes:.0f} min, {expected}.",)
 
     @property

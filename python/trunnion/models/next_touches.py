@@ -19,6 +19,7 @@ from trunnion.data.touches import Touches, without_frame
 from trunnion.diagnosis.discrimination import Discrimination, Hypothesis
 from trunnion.diagnosis.effect import Effect, EffectValues, Values
 from trunnion.diagnosis.fit import fit
+from trunnion.diagnosis.records import percent
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.whitening import identity
 from trunnion.machine.chain import Chain
@@ -79,13 +80,13 @@ class ExpectedDiscrimination(Result):
         else:
             lines = [
                 f"{n} touches distinguish the {self.sets} sets of causes with a probability of "
-                f"{self.chance:.0%}."
+                f"{percent(self.chance)}."
             ]
         if self.chance < MIN_CHANCE:
             if self.enough is not None:
-                lines.append(f"About {self.enough} touches are needed for {MIN_CHANCE:.0%}.")
+                lines.append(f"About {self.enough} touches are needed for {percent(MIN_CHANCE)}.")
             else:
-                lines.append(f"Not even {COUNTS[-1]} touches reach {MIN_CHANCE:.0%}.")
+                lines.append(f"Not even {COUNTS[-1]} touches reach {percent(MIN_CHANCE)}.")
         for a, b in self.alike:
             one, other = " + ".join(sorted(a)), " + ".join(sorted(b))
             lines.append(f"No reachable touch distinguishes {one} from {other}.")

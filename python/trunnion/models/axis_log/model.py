@@ -9,6 +9,7 @@ import numpy as np
 
 from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
+from trunnion.base.report import rough
 from trunnion.base.units import Floats, Integers
 from trunnion.contouring.servo import Servo
 from trunnion.data.axis_log import AxisLog
@@ -163,7 +164,7 @@ class AxisLogModel(Model):
     def remarks(self) -> tuple[str, ...]:
         """Say which rows are left out, what a reading is, and which columns are no inputs."""
         left_out = (
-            f"The first {1e3 * run.left_out * run.period_s:.3g} ms of run "
+            f"The first {rough(1e3 * run.left_out * run.period_s, 3)} ms of run "
             f"{self._label(run).removeprefix('_') or 1} ({run.left_out} rows) are left out: an "
             "axis has just turned there, and how its play is taken up is not known."
             for run in self.runs
@@ -181,7 +182,8 @@ class AxisLogModel(Model):
         """Ask about axes whose recorded positions look like those of another scale."""
         return tuple(
             f"The recorded positions of {axis.letter} go with the commanded ones at a scale that "
-            f"is {ppm:+.3g} ppm off: is it another gear ratio, count of lines or unit?"
+            f"is {rough(ppm, 3, signed=True)} ppm off: is it another gear ratio, count of lines or "
+            "unit?"
             for axis in self._signals.axes
             if (ppm := scale_ppm(axis)) is not None
         )

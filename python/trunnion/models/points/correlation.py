@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from trunnion.base.report import rough
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis import outliers
 from trunnion.diagnosis.neighbours import MIN_FREE, Process, orthonormal
@@ -43,8 +44,8 @@ def correlated(
     covariance = process.covariance(places[used], basis.reshape(n, d, -1)[used])
     length, shared, white = process.typical
     note = (
-        f"What is left of neighbouring features is alike: errors of {shared:.2g} µm rms that "
-        f"no cause makes are correlated over about {length:.2g} mm, beside {white:.2g} µm of "
+        f"What is left of neighbouring features is alike: errors of {rough(shared)} µm rms that "
+        f"no cause makes are correlated over about {rough(length)} mm, beside {rough(white)} µm of "
         "each feature. Standard errors and probabilities allow for it."
     )
     more = covariance / variance - np.eye(len(covariance))
