@@ -219,12 +219,7 @@ COMMANDS: dict[str, Command] = {}
 
 
 def command(
-    group: typer.Typer,
-    name: str | None = None,
-    *,
-    values: Any,
-    reads: bool = False,
-    writes: str = "",
+    group: typer.Typer, name: str = "", *, values: Any, reads: bool = False, writes: str = ""
 ) -> Callable[[Callable[P, Answer]], Callable[P, Answer]]:
     """Add a function that returns an `Answer` to a group as a command.
 
@@ -264,12 +259,7 @@ def command(
             how = {key: options.pop(key) for key, *_ in READING} if reads else {}
             try:
                 with _logged(verbose), _warnings_as_notes(), shown_progress(), _reading(how):
-                    _check_given(context, output, options.get("html"))
-                    if writes and output is not None and output.suffix.lower() != ".json":
-                        raise InputError(
-                            f"--output: got {output}, expected a name that ends in .json, for what "
-                            f"--json prints: {writes}"
-                        )
+                    _check_given(context, output, options.get("html"), writes)
                     answer = function(*arguments, **options)
                     if output is not None:
                         answer = replace(answer, shown=(*answer.shown, answer.save(output)))
@@ -289,14 +279,21 @@ def command(
         run.__signature__ = given.replace(  # type: ignore[attr-defined]
             parameters=[*given.parameters.values(), place, *shared], return_annotation=None
         )
-        group.command(name)(run)
+        group.command(name or None)(run)
         return function
 
     return decorate
 
 
-def _check_given(context: typer.Context, output: Path | None, html: Path | None) -> None:
+def _check_given(
+    context: typer.Context, output: Path | None, html: Path | None, writes: str
+) -> None:
     """Refuse numbers that no machine has (nan, infinite, far too large) and files to write."""
+    if writes and output is not None and output.suffix.lower() != ".json":
+        raise InputError(
+            f"--output: got {output}, expected a name that ends in .json, for what --json prints: "
+            f"{writes}"
+        )
     if output is not None:
         check_outputs(output)
     if html is not None:
