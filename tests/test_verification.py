@@ -239,9 +239,9 @@ def test_a_shift_of_a_that_no_frame_says_is_named(shift_arcsec: float) -> None:
     real = TABLE_2 | {"EA0A": TABLE_2["EA0A"] + shift_arcsec}
     after = shown_by_control(real, TABLE_2, 3e-4, 21)
     for estimate in (None, known):
-        found = re.search(r"EA0A (?:=|is) ([-+]\S+) arcsec", likely(after, estimate=estimate))
+        found = re.search(r"EA0A (?:=|is) ([−+]\S+) arcsec", likely(after, estimate=estimate))
         assert found
-        assert float(found[1]) == pytest.approx(shift_arcsec, abs=1.0, rel=0.01)
+        assert float(found[1].replace("−", "-")) == pytest.approx(shift_arcsec, abs=1.0, rel=0.01)
     other = TABLE_2 | {"EX0C": TABLE_2["EX0C"] + 20.0, "EA0A": TABLE_2["EA0A"] + 36.0}
     assert likely(shown_by_control(other, TABLE_2, 3e-4, 22), estimate=known) == ""
     for seed in range(31, 36):
