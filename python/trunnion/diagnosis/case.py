@@ -443,7 +443,8 @@ class Case:
             # what is left out must not act on its repeats
             grid = grid.without(self.rows[bad])
             whiten = whiten.with_labels(grid.label)
-        if (shared := correlated(whiten)) is not None:
+        shared = whiten if isinstance(whiten, Whitener) else correlated(whiten)
+        if shared is not None:
             whiten = shared.without(self.rows[bad])
         if whiten is not self.whiten:
             linearised = Linearised(self.model, self.plain.nuisance, whiten)
@@ -465,7 +466,7 @@ class Case:
         place = np.full(len(self.model.readings), -1)
         place[self.rows] = np.arange(len(self.rows))
         every = [place[rows] for rows, _ in self.whiten.filters]
-        return [some[some >= 0] for some in every]
+        return [used for some in every if len(used := some[some >= 0])]
 
     def exact(self, f: Fit) -> bool:
         """Whether a fit leaves nothing that is evidence: there is nothing to explain then."""

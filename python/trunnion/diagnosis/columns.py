@@ -153,10 +153,8 @@ def products(parts: Sequence[Floats | Part], r: Floats) -> Floats:
     for x in parts:
         if isinstance(x, np.ndarray):
             found.append(next(arrays))
-        elif isinstance(x, Beside):
-            found.append(x.along(r, basis))
         else:
-            found.append(x.times(r))
+            found.append(x.along(r, basis) if isinstance(x, Beside) else x.times(r))
     return np.concatenate(found)
 
 

@@ -107,6 +107,22 @@ class Whitener:
             filters[i] = rows, Autoregression(sizes=noise.sizes[-1:])
         return replace(self, filters=tuple(filters), wandering=())
 
+    def without(self, some: IntArray) -> "Whitener":
+        """Return the map by which some readings act on no other one.
+
+        The memory of the noise ends at each of them, and begins anew after it.
+        """
+        filters: list[tuple[IntArray, Autoregression]] = []
+        marked: dict[str, list[int]] = {DEPENDENT: [], WANDERING: []}
+        for i, (rows, noise) in enumerate(self.filters):
+            out = np.flatnonzero(np.isin(rows, some))
+            parts = [x for x in np.split(rows, np.union1d(out, out + 1)) if len(x)]
+            for mark, of in ((DEPENDENT, self.dependent), (WANDERING, self.wandering)):
+                if i in of:
+                    marked[mark] += range(len(filters), len(filters) + len(parts))
+            filters += [(part, noise) for part in parts]
+        return Whitener(tuple(filters), tuple(marked[DEPENDENT]), tuple(marked[WANDERING]))
+
     def __call__(self, values: Array) -> Array:
         """Whiten each column; readings where all columns are zero stay so."""
         flat = values.reshape(len(values), -1)
