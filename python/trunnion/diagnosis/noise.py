@@ -23,6 +23,7 @@ from trunnion.diagnosis.autoregression import (
     predicted_off,
 )
 from trunnion.diagnosis.dependence import changes, length
+from trunnion.diagnosis.gains import gains_beside
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Dictionary
 from trunnion.diagnosis.wander import (
@@ -428,18 +429,21 @@ def _absorbed(
     """
 
     def white(columns: Array) -> Array:
-        return np.concatenate([noise.whiten(columns[s]) for s in segments])
+        flat = columns.reshape(len(columns), -1)
+        made = np.concatenate([noise.whiten(flat[s]) for s in segments])
+        return made.reshape(columns.shape)
 
     taken = channel.fixed[:, np.any(channel.fixed != 0, axis=0)]
     q = _basis(white(taken))
     r = white(y[:, None])
     left = r - q @ (q.T @ r)
     for places in channel.sought:
-        own = [_basis(x - q @ (q.T @ x)) for x in map(white, places)]
-        best = int(np.argmax([float(np.sum((b.T @ left) ** 2)) for b in own]))
+        every = white(places.transpose(1, 0, 2)).transpose(1, 0, 2)
+        best = int(np.argmax(gains_beside(every, q, left[:, 0])))
+        own = _basis(every[best] - q @ (q.T @ every[best]))
         taken = np.concatenate([taken, places[best]], axis=1)
-        q = np.concatenate([q, own[best]], axis=1)
-        left = left - own[best] @ (own[best].T @ left)
+        q = np.concatenate([q, own], axis=1)
+        left = left - own @ (own.T @ left)
     return _basis(taken)
 
 
