@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from trunnion.models.ballbar.model import BallbarModel
 
 BAR = "the length"  # component that the noise of the bar itself is
+MIN_READINGS = 6  # a column that is no noise: of fewer the fit makes neighbours alike
 
 
 def noise_of(model: BallbarModel, residuals: Floats) -> Callable[[Floats], Floats]:
@@ -33,6 +34,8 @@ def noise_of(model: BallbarModel, residuals: Floats) -> Callable[[Floats], Float
     """
     channel = _channel(model)
     basis = basis_beside(residuals, channel)
+    if len(residuals) < MIN_READINGS * basis.shape[1]:
+        return identity
     left = residuals - basis @ (basis.T @ residuals)
     far = far_out_beside(basis, left, float(np.max(model.readings.least)))
     if len(far):  # false readings are no noise
