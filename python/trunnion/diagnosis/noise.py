@@ -8,7 +8,7 @@ at the engine's price, and is not taken for noise.
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import chain, combinations
 
 import numpy as np
 from scipy.special import chdtri
@@ -57,7 +57,7 @@ class Channel:
     sought:
         Sets of columns, shape (places, n, k), of each of which one place may be.
     component:
-        Its name among the model's components.
+        Its name among the model's components; "": all of them are in it.
     rounding:
         What rounding makes of each reading for certain, shape (n,); None: nothing.
     growth:
@@ -170,7 +170,8 @@ def whitener(
 
     def unnamed(channel: Channel) -> list[Array]:
         terms.update({} if terms else structure_terms(model))
-        return [x[channel.rows] for x in terms[channel.component]]
+        own = (x for name, x in terms.items() if channel.component in ("", name))
+        return [x[channel.rows] for x in chain.from_iterable(own)]
 
     for channel in channels:
         least = float(np.max(every_least[channel.rows], initial=MIN_NOISE))

@@ -22,7 +22,6 @@ from trunnion.diagnosis.whitening import identity
 if TYPE_CHECKING:
     from trunnion.models.ballbar.model import BallbarModel
 
-BAR = "the length"  # component that the noise of the bar itself is
 MIN_READINGS = 6  # a column that is no noise: of fewer the fit makes neighbours alike
 
 
@@ -56,4 +55,4 @@ def _channel(model: BallbarModel) -> Channel:
         else:
             sought.append(columns)
     every = np.concatenate(fixed, axis=1)
-    return Channel(np.arange(len(every)), every, tuple(sought), BAR)
+    return Channel(np.arange(len(every)), every, tuple(sought))
