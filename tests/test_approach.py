@@ -124,7 +124,8 @@ def test_orders_that_a_measurement_may_have_are_not_refused() -> None:
     some_back = [*range(5), *range(3, -1, -1), *range(9), *range(9, 18)]  # 4 steps back
     stops = data[np.concatenate([18 * cycle + np.array(some_back) for cycle in range(5)])]
     stops = stops.with_columns(
-        measured_mm=stops.measured_mm + 1e-5 * np.random.default_rng(6).normal(size=len(stops))
+        measured_mm=np.asarray(stops.measured_mm)
+        + 1e-5 * np.random.default_rng(6).normal(size=len(stops))
     )
     for one in (data, pilgrim, by_target, mixed, one_way, stops):
         assert not [text for text in tn.diagnose(one).mistakes if text.startswith("direction")]

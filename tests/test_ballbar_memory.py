@@ -35,19 +35,19 @@ def circles(seed: int, memory: float, size_um: float, *, false_um: float = 0.0) 
     for sense in (1, -1):
         angle = sense * 2 * np.pi * (np.arange(COUNT) + 0.5) / COUNT
         x, y = RADIUS_MM * np.cos(angle), RADIUS_MM * np.sin(angle)
-        way = sense * np.stack([-np.sin(angle), np.cos(angle)])
-        play = 5e-4 * np.array([[*BACKLASH_UM.values()]]).T * np.sign(way)
+        travel = sense * np.stack([-np.sin(angle), np.cos(angle)])
+        play = 5e-4 * np.array([[*BACKLASH_UM.values()]]).T * np.sign(travel)
         tool_x = x - play[0] - np.radians(SQUARENESS_ARCSEC / 3600) * y - 0.012
         length = np.hypot(tool_x, y - play[1] + 0.008)
         fresh = rng.standard_normal(COUNT + 200) * np.sqrt(1 - memory**2)
         slow = lfilter([1.0], [1.0, -memory], fresh)[200:]
         noise_um = size_um * slow + WHITE_UM * rng.standard_normal(COUNT)
         parts.append((x, y, length + 1e-3 * noise_um, np.full(COUNT, sense)))
-    x, y, length, sense = (np.concatenate(one) for one in zip(*parts, strict=True))
+    x, y, length, way = (np.concatenate(one) for one in zip(*parts, strict=True))
     length[100] += 1e-3 * false_um
-    time = np.arange(2 * COUNT) * 0.1 + 20.0 * (sense < 0)
+    time = np.arange(2 * COUNT) * 0.1 + 20.0 * (way < 0)
     setup = np.ones(2 * COUNT, dtype=int)
-    return tn.Ballbar(setup=setup, x_mm=x, y_mm=y, length_mm=length, sense=sense, time_s=time)
+    return tn.Ballbar(setup=setup, x_mm=x, y_mm=y, length_mm=length, sense=way, time_s=time)
 
 
 def test_noise_with_a_memory_is_no_cause() -> None:

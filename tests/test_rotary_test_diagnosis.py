@@ -398,7 +398,8 @@ def turned_sensors(made: Floats, about: Floats) -> Floats:
     angle = np.linalg.norm(about)
     axis = about / angle
     along = np.outer(made @ axis, axis)
-    return along + (made - along) * np.cos(angle) + np.cross(axis, made) * np.sin(angle)
+    turned = along + (made - along) * np.cos(angle) + np.cross(axis, made) * np.sin(angle)
+    return np.asarray(turned)
 
 
 def test_sensors_turned_by_degrees_are_of_equal_gain() -> None:
