@@ -443,8 +443,7 @@ class Case:
             # what is left out must not act on its repeats
             grid = grid.without(self.rows[bad])
             whiten = whiten.with_labels(grid.label)
-        shared = whiten if isinstance(whiten, Whitener) else correlated(whiten)
-        if shared is not None:
+        if (shared := correlated(whiten)) is not None:
             whiten = shared.without(self.rows[bad])
         if whiten is not self.whiten:
             linearised = Linearised(self.model, self.plain.nuisance, whiten)
@@ -466,7 +465,7 @@ class Case:
         place = np.full(len(self.model.readings), -1)
         place[self.rows] = np.arange(len(self.rows))
         every = [place[rows] for rows, _ in self.whiten.filters]
-        return [used for some in every if len(used := some[some >= 0])]
+        return [some[some >= 0] for some in every]
 
     def exact(self, f: Fit) -> bool:
         """Whether a fit leaves nothing that is evidence: there is nothing to explain then."""

@@ -8,7 +8,7 @@ at the engine's price, and is not taken for noise.
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, combinations
+from itertools import combinations
 
 import numpy as np
 from scipy.special import chdtri
@@ -57,7 +57,7 @@ class Channel:
     sought:
         Sets of columns, shape (places, n, k), of each of which one place may be.
     component:
-        Its name among the model's components; "": all of them are in it.
+        Its name among the model's components.
     rounding:
         What rounding makes of each reading for certain, shape (n,); None: nothing.
     growth:
@@ -108,22 +108,6 @@ class Whitener:
             filters[i] = rows, Autoregression(sizes=noise.sizes[-1:])
         return replace(self, filters=tuple(filters), wandering=())
 
-    def without(self, some: IntArray) -> "Whitener":
-        """Return the map by which some readings act on no other one.
-
-        The memory of the noise ends at each of them, and begins anew after it.
-        """
-        filters: list[tuple[IntArray, Autoregression]] = []
-        marked: dict[str, list[int]] = {DEPENDENT: [], WANDERING: []}
-        for i, (rows, noise) in enumerate(self.filters):
-            out = np.flatnonzero(np.isin(rows, some))
-            parts = [x for x in np.split(rows, np.union1d(out, out + 1)) if len(x)]
-            for mark, of in ((DEPENDENT, self.dependent), (WANDERING, self.wandering)):
-                if i in of:
-                    marked[mark] += range(len(filters), len(filters) + len(parts))
-            filters += [(part, noise) for part in parts]
-        return Whitener(tuple(filters), tuple(marked[DEPENDENT]), tuple(marked[WANDERING]))
-
     def __call__(self, values: Array) -> Array:
         """Whiten each column; readings where all columns are zero stay so."""
         flat = values.reshape(len(values), -1)
@@ -170,8 +154,7 @@ def whitener(
 
     def unnamed(channel: Channel) -> list[Array]:
         terms.update({} if terms else structure_terms(model))
-        own = (x for name, x in terms.items() if channel.component in ("", name))
-        return [x[channel.rows] for x in chain.from_iterable(own)]
+        return [x[channel.rows] for x in terms[channel.component]]
 
     for channel in channels:
         least = float(np.max(every_least[channel.rows], initial=MIN_NOISE))
