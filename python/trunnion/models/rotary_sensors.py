@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.effect import Effect, linear
 from trunnion.machine.effects import Owner
@@ -73,7 +74,7 @@ class Sensors:
 
     def _fitted(self) -> tuple[Floats, Floats]:
         """Turn (deg), and the unknowns of the plain model, as they fit best beside a gain."""
-        some = self._some()
+        some = self._some(self._rows())
         count = self.derivatives.shape[2]
         x = np.zeros(5 + count)
         for _ in range(MAX_STEPS):
@@ -115,7 +116,7 @@ class Sensors:
         """
         rows = self._rows()
         readings = (3 * rows[:, None] + np.arange(3)).ravel()
-        some = Sensors(self.read_um[rows], self.modelled_um[rows], self.derivatives[rows])
+        some = self._some(rows)
         plain = some.derivatives.reshape(len(readings), -1)
         off = (some.read_um * _ONE_MIRRORED - some.modelled_um).reshape(3, -1)
         least = min(_left(plain, one) for one in off)
@@ -126,13 +127,12 @@ class Sensors:
         every = [plain, *(e.columns(e.values([0.0] * len(e.parameters)))[readings] for e in others)]
         return least <= BETTER * _left(np.hstack(every), given)
 
-    def _some(self) -> Sensors:
-        """Take some of many rows: they say well enough about which turn effects are linear."""
-        rows = self._rows()
+    def _some(self, rows: Integers) -> Sensors:
+        """Take some rows."""
         return Sensors(self.read_um[rows], self.modelled_um[rows], self.derivatives[rows])
 
     def _rows(self) -> Integers:
-        """Return some of many rows, in order."""
+        """Return some of many rows, in order: they say well enough how sensors are mounted."""
         return np.sort(np.random.default_rng(0).permutation(len(self.read_um))[:MAX_ROWS])
 
 
@@ -143,11 +143,9 @@ _GAINS = tuple(sensors_of(GAIN, one) - np.eye(3) for one in np.eye(2))
 
 def _left(columns: Floats, values: Floats) -> float:
     """Rms that columns leave of values, by what is free; infinite where hardly anything is."""
-    size = np.linalg.norm(columns, axis=0)
-    columns = columns[:, size > 0.0] / size[size > 0.0]
-    x, _, rank, _ = np.linalg.lstsq(columns, values, rcond=DEPENDENT)
-    free = len(values) - int(rank)
-    left = values - columns @ x
+    found = linear_fit(columns, values, tolerance=DEPENDENT)
+    free = len(values) - found.rank
+    left = values - columns @ found.solution
     return float(np.sqrt(left @ left / free)) if free >= MIN_FREEDOM else np.inf
 
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import orth
 
+from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.data.ballbar import Ballbar
 from trunnion.data.circles import check_sense, check_travel, paths_round
@@ -269,7 +269,5 @@ def _turns_back(tips: Floats) -> Flags:
 
 def left_by(columns: Floats, r: Floats) -> float:
     """Sum of squares that columns (n, k), of whatever sizes, leave of readings (n,)."""
-    size = np.linalg.norm(columns, axis=0)
-    basis = orth(columns[:, size > 0] / size[size > 0], rcond=DEPENDENT)
-    left = r - basis @ (basis.T @ r)
+    left = r - columns @ linear_fit(columns, r, tolerance=DEPENDENT).solution
     return float(left @ left)
