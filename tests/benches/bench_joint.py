@@ -13,7 +13,7 @@ import os
 import statistics
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ import trunnion as tn
 from power.one_machine import TOGETHER, drawn
 from power.random_cases import draw
 
+ALL = ("touches", "ballbar", "axislog", "positioning")  # that one machine is measured with
 APART = 1000  # numbers between the cases of a joint one
 
 
@@ -45,21 +46,25 @@ def read(data: Any, setup: Any) -> None:
     found.to_dict()
 
 
-def least(work: Callable[[], Any], rounds: int) -> float:
-    """Least processor time of a call: what else the machine does only adds to it."""
-    times = []
+def least(works: Sequence[Callable[[], Any]], rounds: int) -> list[float]:
+    """Least processor time of each call: what else the machine does only adds to it.
+
+    They take turns, so that what is going on beside them slows all of them.
+    """
+    times: list[list[float]] = [[] for _ in works]
     for _ in range(rounds):
-        begun = time.process_time()
-        work()
-        times.append(time.process_time() - begun)
-    return min(times)
+        for work, own in zip(works, times, strict=True):
+            begun = time.process_time()
+            work()
+            own.append(time.process_time() - begun)
+    return [min(own) for own in times]
 
 
 def main() -> None:
     """Print each case, and the median of all."""
     ask = argparse.ArgumentParser(description=__doc__)
     ask.add_argument("--cases", type=int, default=2, help="of each combination of kinds")
-    ask.add_argument("--rounds", type=int, default=1, help="of which the quickest counts")
+    ask.add_argument("--rounds", type=int, default=3, help="of which the quickest counts")
     ask.add_argument("--apart", action="store_true", help="a machine for each measurement")
     ask.add_argument("--seed", type=int, default=5)
     given = ask.parse_args()
@@ -68,15 +73,16 @@ def main() -> None:
             ask.error(f"{name}: got {os.environ.get(name)}, expected 1 (make bench-joint)")
     print(f"{'measurements':44} {'one by one':>10} {'together':>10}   ratio")
     ratios, spent = [], [0.0, 0.0]
-    for kinds in TOGETHER:
+    for kinds in (*TOGETHER, ALL):
         for number in range(given.cases):
             if given.apart:
                 data, setup = apart(kinds, number, given.seed)
             else:
                 made = drawn(kinds, number, given.seed)
                 data, setup = made.data, made.setup
-            alone = sum(least(partial(read, one, setup), given.rounds) for one in data)
-            together = least(partial(read, data, setup), given.rounds)
+            works = [partial(read, one, setup) for one in (*data, data)]
+            *each, together = least(works, given.rounds)
+            alone = sum(each)
             ratios.append(together / alone)
             spent = [spent[0] + alone, spent[1] + together]
             said = f"{alone * 1e3:7.0f} ms {together * 1e3:7.0f} ms {ratios[-1]:7.2f}"

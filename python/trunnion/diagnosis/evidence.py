@@ -191,29 +191,18 @@ class Evidence:
             out = out + [s.contradicting(one, left, int(wide)) for one, left, wide in many]
         return np.asarray(out + _of_unknown_noise(c.dof, paid))
 
-    @cached_property
-    def _variants(self) -> tuple[Integers, Integers]:
-        """Number of the first block of each candidate, and how many it has."""
-        many = np.bincount(self.search.c.owner, minlength=self.search.c.count)
-        return np.cumsum(many) - many, many
-
     def _of_variants(self, blocks: Sequence[int]) -> float:
         """What a set costs of which the nonlinear parameters may have any value of their grids."""
         s, c = self.search, self.search.c
+        positive = bool(c.positive.intersection(c.owner[list(blocks)].tolist()))
         out = 0.0
-        for b in blocks:
-            first, many = (int(x[c.owner[b]]) for x in self._variants)
-            if many < 2:
-                continue
-            rest = sorted(set(blocks) - {b})
-            rss, gain = (self.supposed or s).gains_beside(rest, range(first, first + many))
-            left = np.maximum(rss - gain, s.score.least)
-            deviance = s.score.floor.deviance(left, c.dof)
-            likely = np.exp((deviance[b - first] - deviance) / 2)
-            if c.positive.intersection(c.owner[list(blocks)].tolist()):
+        for b, rss in (self.supposed or s.reach).at_variants(blocks):
+            deviance = s.score.floor.deviance(np.maximum(rss, s.score.least), c.dof)
+            likely = np.exp((deviance[b] - deviance) / 2)
+            if positive:
                 # what explains more than the values that were found has a cause of the wrong sign
                 likely = np.where(likely > 1.0, 0.0, likely)
-            out -= 2 * math.log(max(float(np.mean(likely)), TINY))
+            out -= 2 * math.log(max(float(likely.sum()) / len(likely), TINY))
         return out
 
 

@@ -18,7 +18,6 @@ from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.along import MIN_PLACES, Along, Beside, of_ratios
 from trunnion.diagnosis.candidates_of import with_places
-from trunnion.diagnosis.columns import APART
 from trunnion.diagnosis.effect import Values
 from trunnion.diagnosis.selection import WITHIN, Search, search
 
@@ -79,7 +78,7 @@ def _beside_others(
         free = of_ratios(case.effects[j])
         if free is None:
             continue
-        seen = _that_matter(c, rest, near)
+        seen = s.reach.that_matter(rest, j)
         about = [case.values[j][v][free.name] for v in c.variant[near].tolist()]
         key = _places(case, c, seen), (j, *about)
         if (along := looked_at.get(key)) is None:
@@ -120,19 +119,6 @@ def _of_further(case: Case, s: Search) -> dict[int, float]:
     return scores
 
 
-def _that_matter(c: Candidates, others: Sequence[int], blocks: Integers) -> tuple[int, ...]:
-    """Those of some others that change what blocks gain beside them, in order.
-
-    Causes of one of several measurements change nothing of what is gained in another one.
-    """
-    apart, reached = set(others), blocks.tolist()
-    while reached and apart:
-        columns = np.concatenate([c.start[b] + np.arange(c.rank[b]) for b in reached])
-        reached = [b for b in apart if np.max(np.abs(c.gram_rows(b)[:, columns])) > APART]
-        apart.difference_update(reached)
-    return tuple(b for b in sorted(others) if b not in apart)
-
-
 def _companies(s: Search, *, few: bool) -> Iterator[tuple[tuple[int, ...], float, float, Integers]]:
     """Blocks beside which a candidate may explain more, what they leave, its gain, and its blocks.
 
@@ -149,7 +135,7 @@ def _companies(s: Search, *, few: bool) -> Iterator[tuple[tuple[int, ...], float
         for one in (None, *(b for b in rest if several[b])):
             others = tuple(b for b in rest if b != one)
             if others not in known_beside:
-                known_beside[others] = s.gains_beside(others, range(len(c.owner)))
+                known_beside[others] = s.reach.gains_beside(others, range(len(c.owner)))
             rss, gains = known_beside[others]
             size, penalty = c.rank[list(others)].sum(), c.penalty[list(others)].sum()
             most = gains + _above_neighbours(c.owner, gains)

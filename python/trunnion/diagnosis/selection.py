@@ -33,6 +33,7 @@ from trunnion._core import CauseBlocks, CauseSet, sizes_of_sets
 from trunnion.base.resolution import NO_FLOOR, Floor
 from trunnion.base.units import Flags, Floats
 from trunnion.diagnosis.candidates import Candidates
+from trunnion.diagnosis.reach import Reach
 from trunnion.diagnosis.scorer import SCORE_DIGITS, Scorer
 
 WITHIN = 6.0  # "within 6 of the best": a likelihood ratio of exp(3) = 20
@@ -123,6 +124,8 @@ class Search:
         What was added to scores of sums of squares where sets were scored otherwise, by masks.
     alike:
         Masks of sets by which what was read, in steps, is as probable.
+    reach:
+        What candidates gain beside sets.
     at_best, of_variants:
         What is known of the evidence of sets, by their blocks in order (:mod:`.evidence`).
     """
@@ -135,6 +138,7 @@ class Search:
         self.residual = c.products(r)
         self.core = self._core()
         self.empty = _State(0, (), self.core.empty(self.residual, rss))
+        self.reach = Reach(c, self.core, self.empty.core)
         self._path = [self.empty]  # of the last set that was built, block by block
         self.owner: list[int] = c.owner.tolist()
         self.bits: list[int] = [1 << j for j in self.owner]
@@ -206,7 +210,7 @@ class Search:
         new.known, new.scores, new.made = {0: self.nothing}, {0: self.nothing.score}, {0: ()}
         new.core = new._core()
         new.empty = _State(0, (), new.core.empty(self.residual, self.nothing.rss))
-        new._path = [new.empty]
+        new._path, new.reach = [new.empty], Reach(self.c, new.core, new.empty.core)
         new._recall(self, [mask for mask in self.made if not mask & gone])
         left = [tuple(b for b in f.blocks if self.owner[b] not in banned) for f in self.found]
         begin = [new._noted(blocks) for blocks in dict.fromkeys(left)]
@@ -428,14 +432,6 @@ class Search:
         total = np.concatenate([np.zeros((2, 1)), total], axis=1)
         left, seen = (total[:, c.start + c.rank] - total[:, c.start]) / c.rank
         return left, seen
-
-    def gains_beside(self, blocks: Sequence[int], further: range) -> tuple[float, Floats]:
-        """What a set leaves (RSS), and by how much less each of further blocks beside it would.
-
-        No columns of others have a part in it.
-        """
-        rows = [(b, self.c.gram_rows(b)) for b in blocks]
-        return self.core.gains_beside(self.empty.core, rows, further.start, further.stop)
 
     def _core(self) -> CauseBlocks:
         """Return the blocks as the core knows them."""

@@ -90,8 +90,18 @@ class Supposed:
         """By how much a set with what is supposed lessens the sum of squares."""
         return float(self.sizes([blocks], np.zeros(len(self.search.owner), dtype=bool))[0][0])
 
+    def at_variants(self, blocks: Sequence[int]) -> Iterator[tuple[int, Floats]]:
+        """As `Reach.at_variants`, of a set with what is supposed."""
+        owner = self.search.c.owner
+        for b in blocks:
+            first, end = np.searchsorted(owner, [owner[b], owner[b] + 1]).tolist()
+            if end - first > 1:
+                rest = [other for other in blocks if other != b]
+                rss, gains = self.gains_beside(rest, range(first, end))
+                yield b - first, rss - gains
+
     def gains_beside(self, blocks: Sequence[int], further: range) -> tuple[float, Floats]:
-        """As `Search.gains_beside`, of blocks with what is supposed."""
+        """As `Reach.gains_beside`, of blocks with what is supposed."""
         c, s = self.search.c, self.search
         tried = np.concatenate([np.arange(c.width)[c.span(b)] for b in further])
         taken, along = self._taken(blocks, tried)

@@ -10,7 +10,7 @@ import numpy as np
 from trunnion.base.units import Floats
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Effect
-from trunnion.diagnosis.fit import ABSORBED_SHARE, Fit, first_values, variant_columns
+from trunnion.diagnosis.fit import ABSORBED_SHARE, Fit, first_values
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import labelled, with_unit
 from trunnion.machine.unnoticed import (
@@ -62,8 +62,9 @@ class _Columns(Mapping[str, Floats]):
         """Columns are made in the order in which they are iterated."""
         if name not in self._made:
             effect, variant = self._of[name], first_values(self._of[name])
-            x = variant_columns(self._case.model, effect, self._nuisance, [variant])[0]
-            white = self._case.white(x) / self._noise
+            case = self._case
+            x = case.model.white_columns(self._nuisance, effect, [variant], case.whiten)[0]
+            white = x[case.rows] / self._noise
             names = (f"{effect.id}.{p.name}" for p in effect.parameters)
             self._made = dict(zip(names, white.T, strict=True))
         return self._made[name]

@@ -67,8 +67,12 @@ class Whiteners:
             return self._scale(columns)
         white = np.zeros_like(columns, dtype=np.float64)
         for at, whiten in self.parts:
-            if columns[at].any():  # what is one measurement's own is zero in all others
-                white[at] = whiten(columns[at])
+            own = columns[at]
+            seen = own.any(axis=0)  # what is one measurement's own is zero in all others
+            if np.all(seen):
+                white[at] = whiten(own)
+            elif np.any(seen):
+                white[at, seen] = whiten(own[:, seen])
         return white
 
     @cached_property

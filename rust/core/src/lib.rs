@@ -70,6 +70,7 @@ pub mod identification;
 pub mod linear;
 pub mod machine;
 pub mod moves;
+mod pieces;
 pub mod plan;
 pub mod pose;
 pub mod probe;

@@ -10,6 +10,7 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, SymmetricEigen};
 
+use crate::pieces::Pieces;
 use crate::{Error, Result};
 
 /// Columns of a block above which its eigenvalues are taken, not pivot by pivot.
@@ -61,7 +62,9 @@ pub struct Score {
 pub struct Direction {
     /// Of each column.
     pub products: Vec<f64>,
-    /// Columns beside which all are zero: those of other measurements.
+    /// Whether it has a part in any of each `TOGETHER` columns: in none of other measurements.
+    seen: Vec<bool>,
+    /// Those columns.
     some: Vec<Range<usize>>,
 }
 
@@ -71,12 +74,12 @@ struct Left {
     /// An orthonormal basis; sets that begin alike have the same directions.
     taken: Vec<Arc<Direction>>,
     /// Inner products of all columns with what is left of the residuals.
-    residual: Vec<f64>,
+    residual: Pieces<f64>,
     /// What is left of each squared column.
-    free: Vec<f64>,
+    free: Pieces<f64>,
     /// What is left of the products of the columns of each block, those below the diagonal of their
     /// matrix row by row: of all blocks that are not wide, one after the other.
-    cross: Vec<f64>,
+    cross: Pieces<f64>,
     /// Sum of squares that is left.
     rss: f64,
 }
@@ -90,7 +93,7 @@ pub struct Set {
     pub penalty: f64,
     left: Left,
     /// Drop of the sum of squares by each further block, and count of the columns that it adds.
-    gains: Vec<(f64, usize)>,
+    gains: Pieces<(f64, usize)>,
 }
 
 /// A set with one more block.
@@ -145,8 +148,8 @@ impl Set {
 
     /// Inner products of all columns with what it leaves of the residuals.
     #[must_use]
-    pub fn residual(&self) -> &[f64] {
-        &self.left.residual
+    pub fn residual(&self) -> Vec<f64> {
+        self.left.residual.iter().copied().collect()
     }
 
     /// Sum of squares that it leaves.
@@ -158,23 +161,23 @@ impl Set {
 
 impl Direction {
     fn of(products: Vec<f64>) -> Self {
+        let chunks = products.chunks(TOGETHER);
+        let seen: Vec<bool> = chunks.map(|own| own.iter().any(|x| *x != 0.0)).collect();
         let mut some: Vec<Range<usize>> = Vec::new();
-        for (i, own) in products.chunks(TOGETHER).enumerate() {
-            if own.iter().all(|x| *x == 0.0) {
-                continue;
-            }
-            let (first, end) = (i * TOGETHER, i * TOGETHER + own.len());
+        for (i, _) in seen.iter().enumerate().filter(|(_, seen)| **seen) {
+            let (first, end) = (i * TOGETHER, products.len().min((i + 1) * TOGETHER));
             match some.last_mut().filter(|last| last.end == first) {
                 Some(last) => last.end = end,
                 None => some.push(first..end),
             }
         }
-        Self { products, some }
+        Self { products, seen, some }
     }
 
     /// Whether it has any part in some columns.
     fn touches(&self, columns: &Range<usize>) -> bool {
-        self.some.iter().any(|own| own.start < columns.end && columns.start < own.end)
+        let chunks = columns.start / TOGETHER..columns.end.div_ceil(TOGETHER);
+        !columns.is_empty() && self.seen[chunks].iter().any(|seen| *seen)
     }
 
     /// Adds a share of it to numbers of all columns.
@@ -182,6 +185,16 @@ impl Direction {
         for some in &self.some {
             let own = numbers[some.clone()].iter_mut().zip(&self.products[some.clone()]);
             own.for_each(|(number, x)| *number += share * x);
+        }
+    }
+
+    /// Changes what is left of all columns by what it has of each.
+    fn change(&self, left: &mut Pieces<f64>, change: impl Fn(&mut f64, f64)) {
+        for some in &self.some {
+            left.change(some.clone(), |first, own| {
+                let row = &self.products[first..first + own.len()];
+                own.iter_mut().zip(row).for_each(|(number, x)| change(number, *x));
+            });
         }
     }
 }
@@ -228,16 +241,16 @@ impl Blocks {
     /// Another count of them than of columns.
     pub fn empty(&self, residual: Vec<f64>, rss: f64) -> Result<Set> {
         let left = self.nothing_taken(residual, rss)?;
-        let gains = (0..self.start.len()).map(|block| self.gain(&left, block)).collect();
-        Ok(Set { left, gains, ..Set::default() })
+        let gains: Vec<_> = (0..self.start.len()).map(|block| self.gain(&left, block)).collect();
+        Ok(Set { left, gains: gains[..].into(), ..Set::default() })
     }
 
     fn nothing_taken(&self, residual: Vec<f64>, rss: f64) -> Result<Left> {
         if residual.len() != self.width {
             return Err(Error::input("residuals", residual.len(), self.width.to_string()));
         }
-        let free = vec![1.0; self.width];
-        let cross = vec![0.0; self.at.last().copied().unwrap_or(0)];
+        let (residual, free) = (residual[..].into(), vec![1.0; self.width][..].into());
+        let cross = vec![0.0; self.at.last().copied().unwrap_or(0)][..].into();
         Ok(Left { residual, free, cross, rss, ..Left::default() })
     }
 
@@ -251,10 +264,10 @@ impl Blocks {
         let mut new = set.clone();
         self.take(&mut new.left, block, products.to_vec());
         let fresh = &new.left.taken[set.columns()..];
-        for (block, gain) in new.gains.iter_mut().enumerate() {
+        for block in 0..self.start.len() {
             let columns = self.columns(block);
             if fresh.iter().any(|direction| direction.touches(&columns)) {
-                *gain = self.gain(&new.left, block);
+                new.gains.change(block..block + 1, |_, own| own[0] = self.gain(&new.left, block));
             }
         }
         new.blocks.push(block);
@@ -277,7 +290,7 @@ impl Blocks {
             }
         }
         if columns.len() == 1 {
-            let (w, along) = (products[columns.start], left.residual[columns.start]);
+            let (w, along) = (products[columns.start], left.residual.at(columns.start));
             if w > self.dependent {
                 let weight = 1.0 / w.sqrt();
                 products.iter_mut().for_each(|x| *x *= weight);
@@ -288,7 +301,8 @@ impl Blocks {
         let k = columns.len();
         let own = DMatrix::from_fn(k, k, |i, j| products[i * m + columns.start + j]);
         let found = SymmetricEigen::new(own);
-        let along = left.residual[columns].to_vec();
+        let mut along = vec![0.0; k];
+        left.residual.copy_to(columns.start, &mut along);
         let ways = found.eigenvalues.iter().zip(found.eigenvectors.column_iter());
         for (w, u) in ways.filter(|(w, _)| **w > self.dependent) {
             let (mut row, mut total) = (vec![0.0; m], 0.0);
@@ -303,19 +317,20 @@ impl Blocks {
 
     /// Takes a direction out of what is left; `along`: how far the residuals go along it.
     fn take_direction(&self, left: &mut Left, direction: Direction, along: f64) {
-        direction.add_to(&mut left.residual, -along);
-        let row = &direction.products;
-        for some in &direction.some {
-            let own = left.free[some.clone()].iter_mut().zip(&row[some.clone()]);
-            own.for_each(|(free, x)| *free -= x * x);
-        }
+        direction.change(&mut left.residual, |residual, x| *residual -= along * x);
+        direction.change(&mut left.free, |free, x| *free -= x * x);
         for (block, at) in self.at.windows(2).enumerate().filter(|(_, at)| at[0] < at[1]) {
             let columns = self.columns(block);
             if direction.touches(&columns) {
-                let (own, mut rest) = (&row[columns], left.cross[at[0]..at[1]].iter_mut());
-                for (i, x) in own.iter().enumerate().skip(1) {
-                    own[..i].iter().zip(rest.by_ref()).for_each(|(y, left)| *left -= y * x);
-                }
+                let own = &direction.products[columns];
+                let mut pairs = own
+                    .iter()
+                    .enumerate()
+                    .skip(1)
+                    .flat_map(|(i, x)| own[..i].iter().map(move |y| y * x));
+                left.cross.change(at[0]..at[1], |_, some| {
+                    some.iter_mut().zip(pairs.by_ref()).for_each(|(left, pair)| *left -= pair);
+                });
             }
         }
         left.rss -= along * along;
@@ -392,7 +407,7 @@ impl Blocks {
             few.iter().map(|&block| self.positive[block]).collect(),
             self.dependent,
         )?;
-        let residual = columns.iter().map(|&c| empty.left.residual[c]).collect();
+        let residual = columns.iter().map(|&c| empty.left.residual.at(c)).collect();
         let mut left = small.nothing_taken(residual, empty.left.rss)?;
         let place = |block: usize| few.partition_point(|&b| b < block);
         for &(block, products) in rows {
@@ -448,7 +463,7 @@ impl Blocks {
         let size = set.columns();
         let mut best: Option<Tried> = None;
         for block in blocks {
-            let (gain, new) = set.gains[block];
+            let (gain, new) = set.gains.at(block);
             if new == 0 {
                 continue;
             }
@@ -490,13 +505,12 @@ impl Blocks {
         let (start, k) = (self.start[block], if N == WIDE { self.rank[block].min(N) } else { N });
         let mut z = [0.0; N];
         let mut a = [[0.0; N]; N];
-        z[..k].copy_from_slice(&set.residual[start..start + k]);
-        let mut rest = set.cross[self.at[block]..].iter();
-        for (i, row) in a.iter_mut().enumerate().take(k).skip(1) {
-            row[..i].iter_mut().zip(rest.by_ref()).for_each(|(x, left)| *x = *left);
-        }
-        for (i, (row, free)) in a.iter_mut().zip(&set.free[start..start + k]).enumerate() {
-            row[i] = *free;
+        set.residual.copy_to(start, &mut z[..k]);
+        let mut first = self.at[block];
+        for (i, row) in a.iter_mut().enumerate().take(k) {
+            set.cross.copy_to(first, &mut row[..i]);
+            row[i] = set.free.at(start + i);
+            first += i;
         }
         let (mut total, mut count) = (0.0, 0);
         let negative = k == 1 && self.positive[block] && z[0] < 0.0;
@@ -528,11 +542,12 @@ impl Blocks {
         let taken = DMatrix::from_fn(set.taken.len(), k, |i, j| set.taken[i].products[start + j]);
         let left = DMatrix::identity(k, k) - taken.tr_mul(&taken);
         let found = SymmetricEigen::new(left);
+        let mut own = vec![0.0; k];
+        set.residual.copy_to(start, &mut own);
         let (mut total, mut count) = (0.0, 0);
         for (w, u) in found.eigenvalues.iter().zip(found.eigenvectors.column_iter()) {
             if *w > DEPENDENT {
-                let own = &set.residual[start..start + k];
-                let z: f64 = u.iter().zip(own).map(|(x, r)| x * r).sum();
+                let z: f64 = u.iter().enumerate().map(|(i, x)| x * own[i]).sum();
                 total += z * z / w;
                 count += 1;
             }
@@ -653,7 +668,8 @@ mod tests {
         let blocks = of(start)?;
         let empty = blocks.empty((0..width).map(|i| i as f64).collect(), 1e3)?;
         let squares = |n: usize| (0..n).map(|i| (i * i) as f64).sum::<f64>();
-        assert_eq!(empty.gains, [(squares(width), width), (squares(WIDE), WIDE)]);
+        let gains: Vec<_> = empty.gains.iter().copied().collect();
+        assert_eq!(gains, [(squares(width), width), (squares(WIDE), WIDE)]);
         assert!(of(vec![0, 2]).is_err());
         Ok(())
     }

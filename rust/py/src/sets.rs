@@ -38,14 +38,15 @@ impl CauseSet {
         &self,
         py: Python<'py>,
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)> {
-        let (k, m) = (self.inner.columns(), self.inner.residual().len());
+        let residual = self.inner.residual();
+        let (k, m) = (self.inner.columns(), residual.len());
         let taken = matrix_of(
             py,
             self.inner.taken().iter().flat_map(|own| own.products.iter().copied()).collect(),
             k,
             m,
         )?;
-        Ok((taken, array(py, self.inner.residual().to_vec())?))
+        Ok((taken, array(py, residual)?))
     }
 }
 
