@@ -90,6 +90,30 @@ def test_expanded_uncertainties_cover_what_calibration_and_temperature_do() -> N
         assert kept(count, runs, COVERED), name
 
 
+def test_expanded_uncertainties_cover_where_the_ball_stands() -> None:
+    """A ball beside the spindle axis: the touch comes where it is, recorded where it should be."""
+    made, twin, setup = known_setup()
+    probe = replace(setup.probe, offset_std_um=2.0, length_std_um=1.0)
+    inside, runs = dict.fromkeys(("EX0C", "EY0C", "EZ0A"), 0), needed_runs(COVERED)
+    for seed in range(runs):
+        rng = np.random.default_rng([11, seed])
+        truth = Truth(errors=random_errors(rng), placement=random_placement(rng))
+        touches = dict(measure(made, twin, truth, noise_um=0.2, seed=seed).columns)
+        off_mm = rng.normal(0.0, [2e-3, 2e-3, 1e-3])
+        along = made.conditions.direction @ off_mm
+        for letter, way in zip("xyz", made.conditions.direction.T, strict=True):
+            touches[f"{letter}_mm"] = touches[f"{letter}_mm"] - along * way
+        fit = tn.identify(tn.Touches(touches), replace(setup, probe=probe))
+        budget = fit.budget(list(inside))
+        for name in inside:
+            inside[name] += abs(budget[name].value - truth.errors[name]) < budget.expanded[name]
+        assert budget["EX0C"].std > 1.9
+        lines = {line.source: line.contribution for line in fit.budget(["EC0A"])["EC0A"].lines}
+        assert lines["ball beside the spindle axis"] == pytest.approx(0.0, abs=1e-9)
+    for name, count in inside.items():
+        assert kept(count, runs, COVERED), name
+
+
 def stands_off(made: Plan, rng: np.random.Generator, step_arcsec: float) -> Plan:
     """The plan as the axes stand: each position of an axis off by its own rounding."""
     k, off = made.conditions, {}

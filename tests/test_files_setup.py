@@ -89,6 +89,7 @@ HOSTILE = {
     "two holders": (f"{CROSS}vise = true\nplate = true\n", ":4:9: artefact.plate: got"),
     "plate twice": (f"{CROSS}plate = true\nbase_mm = [1, 1, 1]\n", ":4:11: artefact.base_mm: got (1.0, 1.0, 1.0), expected none beside artefact.plate: give one of the two"),
     "pivot without a head": (f"{CROSS}[control]\npivot_mm = 80\n", ":4:12: control.pivot_mm: got 80.0, expected none: machine trt-ca has no head"),
+    "ball that a head turns": (f"{CROSS}[machine]\npreset = 'head-bc'\n[probe]\noffset_std_um = 1\n", ":6:17: probe.offset_std_um: got 1.0, expected 0: machine head-bc turns the probe"),
     "tolerance of nothing": (f"{CROSS}[control]\ncentre_tolerance_mm = 0.5\n", ":3:1: control.centre_mm: missing, expected the place that centre_tolerance_mm is about"),
     "squareness of a cuboid": ("[artefact]\nkind = 'cuboid'\ncalibration_arcsec = 2\n", ":3:22: artefact.calibration_arcsec: got 2.0, expected 0: no squareness of a cuboid is fitted"),
     "chain beside a preset": (f"{CROSS}[machine]\npreset = 'trt-ca'\nchain = '[w C b X Y Z t]'\n", ":5:9: machine.chain: got"),

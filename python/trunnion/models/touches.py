@@ -386,7 +386,7 @@ class TouchDiagnosisModel(Model):
     def inputs(self, nuisance: Floats, effects: EffectValues) -> tuple[Input, ...]:
         """Calibration of probe and artefact, temperature, steps of the rotary axes."""
         ids, values = self._vector(nuisance, effects)
-        return inputs_of(self._model(ids), self._moves, self.data.rotary_deg, values)
+        return inputs_of(self._model(ids), self._moves, self.data, values)
 
     # --- what the engine looks for structure in
 

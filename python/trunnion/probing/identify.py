@@ -276,7 +276,7 @@ def _sources(
     rest = found.covariance - _covariance(known, len(found.values))
     readings = of_readings(rest, found.sigma_um, "µm", rounding, freedom)
     values = found.values[: len(model.names)]
-    stated = inputs_of(model, problem.moves, data.rotary_deg, values)
+    stated = inputs_of(model, problem.moves, data, values)
     gain = cofactor @ weighted.T
     return (*readings, *known, *(one.source(gain @ one.columns) for one in stated))
 

@@ -21,6 +21,7 @@ from trunnion.setup import Setup
 STEP_ARCSEC = 10.0
 HOUR_S = 3600.0
 """Of a rotary axis, over which its effect on the readings is differenced."""
+LENGTH = "length of the probe"
 DIMENSIONS = (
     *("artefact_length", "artefact_width", "artefact_height"),
     *("artefact_diameter", "artefact_spacing"),
@@ -56,18 +57,34 @@ def certificate(model: TouchModel) -> dict[str, Stated]:
     return {name: stated[id_] for name, id_ in ids.items() if id_ in stated}
 
 
-def inputs_of(
-    model: TouchModel, moves: Moves, positions: Mapping[str, Floats], values: Floats
-) -> tuple[Input, ...]:
+def inputs_of(model: TouchModel, moves: Moves, data: Touches, values: Floats) -> tuple[Input, ...]:
     """List what the set-up states an uncertainty of, with its influence on touches.
 
     ``model``, ``values``: touches with the effects that are fitted, and their parameters (p,);
-    what is fitted is no input. ``moves``: The touches, as the model knows them. ``positions``:
-    Commanded positions of each rotary axis by its letter, (n,) degrees.
+    what is fitted is no input. ``data``, ``moves``: The touches, and as the model knows them.
     """
     stated = stated_of(model.setup)
     others = {k: one for k, one in stated.items() if k not in model.effect_ids}
-    return (*_known_to(model, moves, others), *_rotary_steps(model, moves, positions, values))
+    return (
+        *_known_to(model, moves, others),
+        *_ball(OnMachine(model, data, values)),
+        *_rotary_steps(model, moves, data.rotary_deg, values),
+    )
+
+
+def _ball(machine: "OnMachine") -> Iterator[Input]:
+    """Where the ball stands in the spindle: touches are where it is, not where it is taken to be.
+
+    Of tables only: a head turns it.
+    """
+    probe = machine.model.setup.probe
+    beside = {"x": probe.offset_std_um, "y": probe.offset_std_um}
+    places = (("ball beside the spindle axis", beside), (LENGTH, {"z": probe.length_std_um}))
+    for name, axes in places:
+        (std,) = set(axes.values())
+        if std > 0:
+            columns = np.stack([machine.moved(letter) for letter in axes], axis=1)
+            yield Input(name, std, "µm", columns)
 
 
 def _known_to(fitted: TouchModel, moves: Moves, stated: Mapping[str, Stated]) -> Iterator[Input]:

@@ -22,6 +22,7 @@ def check(setup: Setup) -> None:
     for axis, given in setup.axes.items():
         _check_range(axis, given)
     _check_control(setup)
+    _check_probe(setup)
     for name, reader in PROCESS_TABLES.items():
         if getattr(setup, name):
             resolve_name(reader)(setup)
@@ -36,6 +37,17 @@ def _check_control(setup: Setup) -> None:
             raise control.refuse("pivot_mm", f"none: machine {setup.machine.name} has no head")
         if control.centre_mm is None and control.centre_tolerance_mm != usual:
             raise control.refuse("centre_mm", "the place that centre_tolerance_mm is about")
+
+
+def _check_probe(setup: Setup) -> None:
+    """Refuse to state where the ball stands where an axis turns it: it then stands elsewhere."""
+    probe = setup.probe
+    if "head" not in setup.description().core(probe.length_mm).sides:
+        return
+    for name in ("offset_std_um", "length_std_um"):
+        with entry("probe", name):
+            if getattr(probe, name):
+                raise probe.refuse(name, f"0: machine {setup.machine.name} turns the probe")
 
 
 def _check_axes(setup: Setup) -> None:

@@ -73,6 +73,10 @@ class Probe(Part):
     probe that is latched at fixed steps of travel has a `tick_um` instead. Give one of the two.
     Coordinates that are only written in steps, to the nearest one, have a `resolution_um`.
 
+    A ball that is not where the control takes it to be, beside the spindle axis or along it, moves
+    the location errors of the table with it: no reading shows that. `offset_std_um` and
+    `length_std_um` state how closely it is known.
+
     `length_mm` (ball centre to pivot) is used by a rotary head only. `stem_radius_mm` is for
     collision checks; None is half the ball radius: read it as `effective_stem_radius_mm`. So are
     `stem_length_mm` and `body_diameter_mm`.
@@ -101,6 +105,10 @@ class Probe(Part):
     resolution_um: float = key(
         0.0, UNCERTAINTY, "step of the recorded coordinates, rounded and not late; 0: not known"
     )
+    offset_std_um: float = key(
+        0.0, UNCERTAINTY, "standard uncertainty of the ball beside the spindle axis, X and Y each"
+    )
+    length_std_um: float = key(0.0, UNCERTAINTY, "standard uncertainty of the probe's length")
 
     def __post_init__(self) -> None:
         """Check every field, and that the ball is thicker than its stem."""
