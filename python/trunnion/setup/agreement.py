@@ -44,8 +44,8 @@ def _check_probe(setup: Setup) -> None:
     probe = setup.probe
     if "head" not in setup.description().core(probe.length_mm).sides:
         return
-    for name in ("offset_std_um", "length_std_um"):
-        with entry("probe", name):
+    with entry("probe"):
+        for name in ("offset_std_um", "length_std_um"):
             if getattr(probe, name):
                 raise probe.refuse(name, f"0: machine {setup.machine.name} turns the probe")
 
