@@ -117,14 +117,14 @@ def jumps_instead(case: Case, f: Fit) -> list[Competing]:
 
     In each component that which explains most, of readings that the cause changes.
     """
-    out: list[Competing] = []
+    places: dict[int, set[float]] = {}
     for effect in case.effects:
         if effect.id in f.effects and moments_of(case, effect, f):
             basis, left = without_one(case, effect, f)
             changed = np.any(f.jacobian[:, case.columns_of(effect, f)] != 0.0, axis=1)
-            jumps = case.dictionary.best_jumps(left, basis, changed)
-            out += [Competing(i, (place,)) for i, place in jumps]
-    return out
+            for i, place in case.dictionary.best_jumps(left, basis, changed):
+                places.setdefault(i, set()).add(place)
+    return [Competing(i, tuple(sorted(some))) for i, some in places.items()]
 
 
 def _sums(case: Case, best: Found, parts: Sequence[Floats], least: int) -> tuple[Floats, Floats]:
