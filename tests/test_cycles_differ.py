@@ -6,6 +6,7 @@ The disturbances are written here in numpy, from what is done at a machine.
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -54,43 +55,37 @@ def sure(d: tn.Diagnosis) -> set[str]:
 
 
 def counted(
-    seed: int, change: object, right: set[str], cycles: int = CYCLES, *, times: bool = True
+    seed: int, change: Any, right: set[str], cycles: int = CYCLES, *, times: bool = True
 ) -> tuple[int, int]:
     """Count runs that have one of some causes in each set, and those that are sure of no other."""
     named = clean = 0
     for number in range(RUNS):
         rng = np.random.default_rng([seed, number])
         stops = run(rng, cycles)
-        data = measured(rng, stops, change(rng, *stops))  # type: ignore[operator]
+        data = measured(rng, stops, change(rng, *stops))
         d = tn.diagnose(data if times else data.with_columns(time_s=None))
         named += bool(d.alternatives) and all(right & a for a in d.alternatives)
         clean += sure(d) <= BEFORE | right
     return named, clean
 
 
-def switched(
-    rng: np.random.Generator, x: np.ndarray, _: object, k: np.ndarray, __: object
-) -> object:
+def switched(rng: np.random.Generator, x: np.ndarray, _: Any, k: np.ndarray, __: Any) -> Any:
     """Temperature compensation is switched before a cycle: about a reference point."""
     ppm, at = rng.choice([-1.0, 1.0]) * rng.uniform(10, 30), rng.uniform(-100, 600)
     return np.where(k >= rng.integers(2, CYCLES + 1), 1e-3 * ppm * (x - at), 0.0)
 
 
-def homed(rng: np.random.Generator, _: object, __: object, k: np.ndarray, ___: object) -> object:
+def homed(rng: np.random.Generator, _: Any, __: Any, k: np.ndarray, ___: Any) -> Any:
     """The axis is homed before each cycle."""
     return rng.normal(0.0, 3.0, CYCLES)[k - 1]
 
 
-def other_scales(
-    rng: np.random.Generator, x: np.ndarray, _: object, k: np.ndarray, __: object
-) -> object:
+def other_scales(rng: np.random.Generator, x: np.ndarray, _: Any, k: np.ndarray, __: Any) -> Any:
     """The compensation takes the temperature anew before each cycle."""
     return 1e-3 * rng.normal(0.0, 12.0, CYCLES)[k - 1] * (x - 250.0)
 
 
-def warming_nut(
-    rng: np.random.Generator, _: object, d: np.ndarray, __: object, t: np.ndarray
-) -> object:
+def warming_nut(rng: np.random.Generator, _: Any, d: np.ndarray, __: Any, t: np.ndarray) -> Any:
     """Backlash goes as the nut gets warm."""
     return -rng.uniform(2, 4) * d * np.exp(-t / rng.uniform(400, 1200))
 
@@ -104,16 +99,14 @@ def warming_nut(
         (warming_nut, {"reversal_of_cycle"}),
     ],
 )
-def test_what_differs_between_cycles_is_named(change: object, right: set[str]) -> None:
+def test_what_differs_between_cycles_is_named(change: Any, right: set[str]) -> None:
     """A switched compensation was a warm-up of the screw (> 90 %, 16 of 16), zeros a drift."""
     named, clean = counted(71, change, right)
     assert kept(named, RUNS, RATE)
     assert kept(clean, RUNS, RATE)
 
 
-def to_and_fro(
-    rng: np.random.Generator, _: object, __: object, k: np.ndarray, ___: object
-) -> object:
+def to_and_fro(rng: np.random.Generator, _: Any, __: Any, k: np.ndarray, ___: Any) -> Any:
     """The zero of every second cycle is another: three on a line would be a drift, too."""
     return rng.choice([-1.0, 1.0]) * rng.uniform(2, 6) * (k % 2)
 
@@ -145,24 +138,24 @@ def test_sizes_are_those_of_the_cycles() -> None:
     assert 0.5 < np.sqrt(np.mean(np.square(misses))) < 1.5
 
 
-def drifts(rng: np.random.Generator, _: object, __: object, ___: object, t: np.ndarray) -> object:
+def drifts(rng: np.random.Generator, _: Any, __: Any, ___: Any, t: np.ndarray) -> Any:
     """A drift."""
     return rng.uniform(1, 8) * t / t.max()
 
 
-def warms(rng: np.random.Generator, x: np.ndarray, _: object, __: object, t: np.ndarray) -> object:
+def warms(rng: np.random.Generator, x: np.ndarray, _: Any, __: Any, t: np.ndarray) -> Any:
     """A screw that warms up from its bearing."""
     grown = rng.uniform(10, 40) * 1e-3 * (x - rng.uniform(-600, 100))
     return grown * (1 - np.exp(-t / rng.uniform(100, 1200)))
 
 
-def comes(rng: np.random.Generator, x: np.ndarray, _: object, __: object, t: np.ndarray) -> object:
+def comes(rng: np.random.Generator, x: np.ndarray, _: Any, __: Any, t: np.ndarray) -> Any:
     """A screw that grows in the course of the run: an S."""
     grown = rng.uniform(10, 40) * 1e-3 * (x - rng.uniform(-600, 100))
     return grown / (1 + np.exp(-(t - rng.uniform(0.3, 0.7) * t.max()) / rng.uniform(60, 250)))
 
 
-def walks(rng: np.random.Generator, x: np.ndarray, *_: object) -> object:
+def walks(rng: np.random.Generator, x: np.ndarray, *_: Any) -> Any:
     """An instrument that wanders."""
     return np.cumsum(rng.normal(0.0, 0.35, len(x)))
 
@@ -171,7 +164,7 @@ OF_TIME = {"drift", "cycle_drift", "warmup", "screw_warmup", "scale_change"}
 
 
 @pytest.mark.parametrize("change", [drifts, warms, comes, walks])
-def test_what_goes_on_with_time_differs_between_no_cycles(change: object) -> None:
+def test_what_goes_on_with_time_differs_between_no_cycles(change: Any) -> None:
     _, clean = counted(75, change, OF_TIME)
     assert kept(clean, RUNS, RATE)
 
