@@ -296,7 +296,7 @@ OWNED = {
     Owner.PLACEMENT: Family(
         "clamping",
         "",
-        "the artefact or part has moved, not the machine: clamp it anew and measure again.",
+        "what is clamped has moved, not the machine: clamp it anew and measure again.",
     ),
     Owner.WORKPIECE: Family(
         "part", "", "it belongs to this part, not to the machine: let the part cool, measure again."

@@ -456,6 +456,11 @@ def labelled(id_: str, label: str) -> str:
     return f"{label} ({id_})" if label else id_.replace("_", " ")
 
 
+def together(causes: Sequence[str]) -> str:
+    """Say the causes of one set, sizes and all, as what acts together: "A, and B, together"."""
+    return causes[0] if len(causes) == 1 else ", and ".join(causes) + ", together" * bool(causes)
+
+
 def value_in_words(value: float, std: float | None, unit: str = "") -> str:
     """Say a value to the two leading digits of its standard error: ``4.82 ± 0.31 µm/h``."""
     said = plus_minus(value, std)

@@ -17,6 +17,7 @@ from trunnion.diagnosis.records import (
     chance,
     labelled,
     percent,
+    together,
     with_unit,
 )
 from trunnion.files.origin import places
@@ -97,9 +98,9 @@ def _ambiguous(d: Diagnosis) -> list[str]:
     sure = [_probable(c) for c in d.causes if c.id in certain]
     if sure:
         lines.append(f"In all of them: {'; '.join(sure)}.")
-    first = "; ".join(c.headline() for c in d.causes if c.id not in certain)
+    first = together([c.headline() for c in d.causes if c.id not in certain])
     others = [
-        " + ".join(labelled(i, d.labels.get(i, "")) for i in sorted(a.causes - certain))
+        together([labelled(i, d.labels.get(i, "")) for i in sorted(a.causes - certain)])
         for a in d.evidence[1 : MAX_SETS + 1]
     ]
     more = len(d.alternatives) - 1 - len(others)

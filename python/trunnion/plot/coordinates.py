@@ -31,6 +31,14 @@ ENOUGH = 0.95
 """Share of a change that a coordinate explains, at least."""
 AS_GOOD = 0.002
 """Share by which a simpler coordinate may explain less."""
+AS_GOOD_AS_OWN = 0.02
+"""Share by which time, of what acts by time, or what is no time, of all else, may explain less."""
+TIMES = ("s", "min", "h")
+FEW, MOST_OF_FEW = 0.2, 0.8
+"""A change is narrow where so few readings hold so much of its mean square.
+
+Nodes are wider than it: it is drawn over an angle, whatever share of it they explain.
+"""
 MAX_LEVELS = 48
 """Distinct values, up to which each has a place of its own."""
 NODES = (24, 160)
@@ -41,6 +49,7 @@ MAX_READINGS = 4000
 MAX_HARMONIC = 12
 EXACT = 1e-3
 DENSE, MAX_DENSE = 241, 4801
+COARSE = 0.05  # of the largest amount: by so much a curve of DENSE points may be off
 PER_WAVE = 24  # points of a curve
 GAP, GAP_SHARE = 12.0, 0.03  # of the usual step, of the range: where a curve is broken
 QUIET = 20  # windows of the running median, of all values
@@ -168,7 +177,8 @@ def coordinate_of(
     rows
         Readings that count, (n,).
     timed
-        Whether the cause acts by time: where something else explains it as well, time is taken.
+        Whether the cause acts by time: it is drawn over time where that explains it about as well
+        as anything else; all other causes over a place, an angle or a class.
     """
     at = np.flatnonzero(rows)
     if not len(at) or not np.any(change[at]):
@@ -181,19 +191,44 @@ def coordinate_of(
         found = []
         for made, cost in pairs:
             share, used = _explained(change, made, at, nodes)
-            cost += used + 20 * (timed and made.x.unit not in ("s", "min", "h"))
             if made.weight.cost >= AS_PARAMETER:  # of these the one that most readings feel
                 cost += 10 * float(1 - made.clear()[at].mean())
-            found.append((share, cost, made))
+            found.append((share, cost + used, made))
         enough = [entry for entry in found if entry[0] >= ENOUGH]
         # The order of things explains much by chance: it stands back where it needs classes.
         plain = [e for e in enough if e[2].split is None or not e[2].x.sequence]
-        if chosen := plain or enough:
-            best = max(share for share, _, _ in chosen)
-            good = [entry for entry in chosen if entry[0] >= best - AS_GOOD]
-            share, _, made = min(good, key=lambda entry: entry[1])
-            return replace(made, share=share)
-    return None
+        if enough:
+            return _simplest(plain or enough, timed)
+    angles = [e for e in found if e[2].x.period and e[2].weight.cost < 1]
+    by_class = [e for e in angles if e[2].split is not None]  # the sense of travel, as a rule
+    return _simplest(by_class or angles, timed) if angles and _is_narrow(change[at]) else None
+
+
+def _simplest(found: Sequence[tuple[float, float, Coordinate]], timed: bool) -> Coordinate:
+    """Return the simplest that explains about as much as the best.
+
+    Of what acts by time one over time, of all else another: places that are read in turn have the
+    order of their times.
+    """
+    best = max(share for share, _, _ in found)
+    clock = [e for e in found if e[2].x.unit in TIMES]
+    order = [e for e in found if e[2].x.sequence]
+    other = [e for e in found if e not in clock and e not in order]
+    for own in (clock, order) if timed else (other,):
+        best_of_own = max((share for share, _, _ in own), default=-np.inf)
+        if best_of_own >= best - AS_GOOD_AS_OWN:
+            found, best = own, best_of_own
+            break
+    good = [entry for entry in found if entry[0] >= best - AS_GOOD]
+    share, _, made = min(good, key=lambda entry: entry[1])
+    return replace(made, share=share)
+
+
+def _is_narrow(change: Floats) -> bool:
+    """Whether few readings hold most of a change (n,): no curve of equal nodes resolves it."""
+    power = np.sort(change**2)[::-1]
+    few = max(int(FEW * len(power)), 1)
+    return bool(power[:few].sum() >= MOST_OF_FEW * power.sum())
 
 
 def _joined(covariates: Sequence[Covariate]) -> Iterator[Covariate]:
@@ -387,6 +422,10 @@ def _curve(
     amounts = _quiet(amounts, index, w, columns[:, 0])
     if len(levels) > DENSE:
         made = np.stack([np.interp(dense, levels, a) for a in amounts.T], axis=1)
+        seen = np.interp(levels, dense, made[:, 0])
+        if np.abs(seen - amounts[:, 0]).max() > COARSE * np.abs(amounts[:, 0]).max():
+            dense = levels[:: -(-len(levels) // MAX_DENSE)]  # narrower than the steps
+            made = np.stack([np.interp(dense, levels, a) for a in amounts.T], axis=1)
         for k in wide:  # no reading says what is between
             made[(dense > levels[k]) & (dense < levels[k + 1])] = np.nan
         return dense, made

@@ -12,7 +12,7 @@ import numpy as np
 
 from trunnion.base.errors import InputError
 from trunnion.base.statistics import factor_of
-from trunnion.base.units import Flags, Floats, capital, unit_of
+from trunnion.base.units import Flags, Floats, capital, parameter_words, unit_of
 from trunnion.diagnosis.joint_ids import JointId
 from trunnion.diagnosis.model import Covariate, Model
 from trunnion.diagnosis.records import (
@@ -25,8 +25,10 @@ from trunnion.diagnosis.records import (
     with_unit,
 )
 from trunnion.diagnosis.result import Diagnosis
+from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.plot.coordinates import (
+    TIMES,
     Coordinate,
     Wave,
     Weight,
@@ -149,12 +151,16 @@ class Explained:
 
     @property
     def _timed(self) -> bool:
-        """Whether it acts by time, by what it needs and by the units of its parameters."""
+        """Whether it acts by time: by what it needs, what it belongs to and by its parameters."""
         needs: tuple[str, ...] = ()
+        owner = Owner.MACHINE
         if self.model is not None and self.cause.id in {e.id for e in self.model.effects}:
-            needs = self.model.effect(self.cause.id).needs
+            effect = self.model.effect(self.cause.id)
+            needs, owner = effect.needs, effect.owner
         units = [unit_of(name) for name in self.cause.parameters]
-        return "time_s" in needs or any(u in ("min", "s", "h") or u.endswith("/h") for u in units)
+        rated = any(u in TIMES or u.endswith(("/h", "/min", "/s")) for u in units)
+        began = not {"row", "tau_mm"}.isdisjoint(self.cause.parameters)
+        return "time_s" in needs or owner is Owner.TIME or rated or began
 
     def curves(self, where: Coordinate) -> list[tuple[str, Floats, Floats]]:
         """Curves of the fitted change and of its spread over what it depends on, by class."""
@@ -218,6 +224,9 @@ def cause_picture(d: Diagnosis, id_: str) -> Picture:
     if not names and not any(s.form is Form.BAND for s in series):
         said.append("U (k = 2) of the curve is narrower than its line.")
     said += ["The other causes are taken off."] if len(d.causes) > 1 else []
+    lost = [parameter_words(k) for k, s in of.cause.std_errors.items() if not np.isfinite(s)]
+    if lost:
+        said.append(f"Not identifiable one by one: {', '.join(lost)}; drawn is one fit of many.")
     y = Axis(capital(where.weight.name), where.weight.unit)
     x_unit = unit_beside(where.x.unit, where.weight.unit)
     x_unit = "°" if x_unit == "deg" else x_unit

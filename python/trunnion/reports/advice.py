@@ -11,8 +11,11 @@ from trunnion.base.report import number, uncertainty
 from trunnion.base.units import capital
 from trunnion.data.ballbar import Ballbar
 from trunnion.data.diameters import Diameters
+from trunnion.data.levels import Levels
+from trunnion.data.points import Points as PointData
 from trunnion.data.positioning import Positioning
 from trunnion.data.rotary_test import RotaryTest
+from trunnion.data.sweep import Sweep
 from trunnion.data.touches import Touches
 from trunnion.diagnosis.families import WARM
 from trunnion.diagnosis.records import percent, with_unit
@@ -33,6 +36,15 @@ from trunnion.setup.names import called, error_label
 
 TESTED = (Touches, Ballbar, Positioning, RotaryTest)
 """Data of which the library knows further tests."""
+AGAIN = "Look what happened at these readings and measure them again"
+CLEANED = {
+    (Touches, RotaryTest, PointData): "Clean probe and artefact and measure again",
+    (Ballbar,): "Clean the balls and their sockets and measure again",
+    (Levels,): "Clean the feet of the level and the surface and read again",
+    (Sweep,): "Clean sensors and targets and measure again",
+    (Diameters,): "Clean the part from chips and burrs and measure it again there",
+}
+"""What is done about outliers, by the kind of data."""
 MAX_NAMED = 5
 MIN_DOUBT = 0.5  # of the uncertainty of an error, from which the doubt is stated
 ROUNDING = 1e-9  # µm, arcsec: data without noise have standard errors of 0
@@ -53,11 +65,12 @@ def to_do(found: Found, source: Source) -> Points:
     if d.outliers:
         unit = record_of(d).unit
         named = [
-            place if size is None else f"{place} (off by {number(size, 1)} {unit})"
+            place if size is None else f"{place}, off by {number(size, 1)} {unit}"
             for place, size, _ in outliers_of(d, source.data, MAX_NAMED)
         ]
         more = f" and {len(d.outliers) - len(named)} more" if len(d.outliers) > MAX_NAMED else ""
-        lines.append(f"Clean probe and artefact and measure again: {', '.join(named)}{more}.")
+        how = next((text for kind, text in CLEANED.items() if isinstance(d.data, kind)), AGAIN)
+        lines.append(f"{how}: {'; '.join(named)}{more}.")
     known = {*d.errors_after, *(i for ids in found.doubtful() for i in ids)}
     unseen = [found.quantity(k) for k in d.not_identifiable if k not in known]
     if unseen:

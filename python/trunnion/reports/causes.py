@@ -108,16 +108,26 @@ class Found:
         return [sorted(a.causes - self.certain) for a in self.d.evidence]
 
     def in_doubt(self, most: int) -> str:
-        """Name what is in doubt, with probabilities; of many sets the most probable."""
-        sets = self.doubtful()
-        named = [" + ".join(map(self.sized, ids)) for ids in sets[:most] if ids]
-        if more := len(sets) - most:
-            named += [f"one of {more} other sets"] if more > 1 else []
+        """Name what is in doubt, each cause once with its probability; of many sets the first.
+
+        A set says what is new in it, and beside which causes that were named.
+        """
+        sets, named, said = self.doubtful(), [], set[str]()
+        for ids in sets[:most]:
+            new = [i for i in ids if i not in said]
+            if new:
+                again = [self.label(i) for i in ids if i in said]
+                named.append(" together with ".join([*again, *map(self.sized, new)]))
+            said |= set(new)
+        if (more := len(sets) - most) > 1:
+            named.append(f"one of {more} other sets")
         head = "In doubt" if all(sets) else "Perhaps also"
         return f"{head}: {'; or '.join(named)}."
 
     def size(self, c: Cause) -> str:
         """Say the size of a cause with U (k = 2)."""
+        if not any(map(np.isfinite, c.std_errors.values())):
+            return c.size()
         if not _is_curve(c):
             return said(c.parameters, c.std_errors, root_of(self.d, c))
         of, at, most = self._largest(c)
@@ -185,7 +195,7 @@ class Found:
                     *errors,
                     *(
                         (self._name(c), self.size(c), self.meaning(c), self._chance(c))
-                        for c in causes
+                        for c in sorted(causes, key=lambda c: c.id not in self.certain)
                     ),
                 ],
             )
@@ -219,7 +229,7 @@ def said(values: Mapping[str, float], std: Mapping[str, float], root: Floats) ->
             known = np.isfinite(std[name]) and np.isfinite(std[other])
             along = match[2].rstrip("0123456789").upper()
             of = f"amplitude in {along}" if along else "amplitude"
-            parts.append(f"{of} {_value(size, u if known else None, unit_of(name))}")
+            parts.append(f"{of} {_value(size, u if known else np.inf, unit_of(name))}")
             done.add(other)
         elif name not in done:
             text = _value(values[name], std[name], unit_of(name))

@@ -264,7 +264,7 @@ class SweepModel(Model):
         out.append(Covariate("order of measurement", order, sequence=True))
         sense = np.repeat(self._conditions.sense, 3)
         out.append(Covariate("sense of turning", sense, words=TURNED))
-        out.append(Covariate("target", np.repeat(self._target, 3), classes=True))
+        out.append(Covariate("target", np.repeat(np.asarray(data.target), 3), classes=True))
         return tuple(out)
 
     @property
