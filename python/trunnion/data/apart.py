@@ -1,4 +1,4 @@
-"""Rows of refused data that are no readings: drop-outs, and zeros where nothing was measured."""
+"""Rows that are no readings: drop-outs, zeros where nothing was measured, typing errors."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from trunnion.base.units import Flags, Floats
+from trunnion.base.units import Flags, Floats, Integers
 from trunnion.files.origin import places
 from trunnion.files.table import Table
 
@@ -14,6 +14,9 @@ MAX_SHARE = 0.1
 """Of the rows, that are taken for no readings: more are a part of the measurement."""
 FAR = 20.0
 """Median distances from the median, from which on a reading is far from all others."""
+SIGMAS_OF_MEDIAN = 1.4826
+FAR_STOP = 30.0
+"""Spreads of repeated stops (1 sigma), from which on a stop is far from the others."""
 MAX_SHOWN = 3
 """Rows that are listed."""
 
@@ -50,3 +53,21 @@ def said_of(data: Table, apart: Flags) -> str:
         f"drop-out, nothing measured, a typing error?): {places(data, rows.tolist(), MAX_SHOWN)} "
         f"hold{'s' if one else ''} {what}"
     )
+
+
+def far_repeats(values: Floats, repeats: Integers, least: float) -> Flags:
+    """Whether a value, (n,), is far from others of its repeats, and so seldom that it is none.
+
+    repeats: Number of the place and way of each. least: Below this the spread is not.
+    """
+    far = np.zeros(len(values), dtype=bool)
+    off = np.zeros(len(values))
+    for number in np.unique(repeats):
+        mine = repeats == number
+        off[mine] = values[mine] - np.median(values[mine])
+    usual = np.abs(off[off != 0.0])  # the median of an odd number is one of them
+    if not len(usual):
+        return far
+    spread = max(SIGMAS_OF_MEDIAN * float(np.median(usual)), least)
+    far = np.abs(off) > FAR_STOP * spread
+    return far if far.sum() <= MAX_SHARE * len(values) else np.zeros_like(far)

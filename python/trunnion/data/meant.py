@@ -18,6 +18,7 @@ from trunnion.base.units import unit_of
 from trunnion.data.apart import rows_apart, said_of
 from trunnion.data.deviations import from_deviations, nominal_readings, of_another_bar
 from trunnion.data.mistaken import factors, listed, of_number
+from trunnion.data.shifted import displaced_rows
 from trunnion.files.table import Table
 from trunnion.setup import Machine, Setup
 from trunnion.setup.machines import presets
@@ -88,6 +89,8 @@ def meant_named(data: Any, setup: Any, scatter: Scatter) -> Iterator[None]:
 def _likely_cause(data: Any, setup: Any, scatter: Scatter) -> str:
     """Say what makes refused data fit: without a few rows, else as otherwise meant."""
     if isinstance(data, Table) and len(data):
+        if displaced := displaced_rows(data):
+            return displaced
         for apart in rows_apart(data, nominal_readings(data)):
             with suppress(TrunnionError):
                 without = Guess("", some_rows(data[~apart]), setup)

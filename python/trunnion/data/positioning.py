@@ -1,6 +1,7 @@
 """Positioning of an axis by ISO 230-2: ``positioning.csv``, one row a stop."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from os import PathLike
 from types import MappingProxyType
@@ -13,11 +14,14 @@ from trunnion.base.checks import choose, nearest
 from trunnion.base.errors import DataError
 from trunnion.base.recognition import all_displayed
 from trunnion.base.record import files_of, hold_files
-from trunnion.base.units import Flags, Floats, Integers
+from trunnion.base.report import rough
+from trunnion.base.units import Flags, Floats, Integers, conversion, unit_of
+from trunnion.data.apart import MAX_SHOWN, far_repeats
 from trunnion.data.approach import refuse_other_approach
 from trunnion.data.distinct import own_cycles
 from trunnion.data.iso230_2 import Iso2302, Iso2302Rotary
 from trunnion.data.places import MIN_DISTANCE, Places
+from trunnion.data.shifted import displaced
 from trunnion.files.columns import ColumnError, Integer, OptionalLabel, OptionalNumber, OptionalTime
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
@@ -169,9 +173,37 @@ class Positioning(Table):
         refuse_other_approach(self)
         own = own_cycles(self)
         result = own.data._results()
-        result = replace(result, notes=(*own.notes, *result.notes))
+        other = self.displaced
+        doubts = (f"Measured positions belong to other rows: {other}",) if other else ()
+        notes = (*doubts, *self._far_stops(result), *own.notes, *result.notes)
+        result = replace(result, notes=notes)
         hold_files(result, files_of(self))
         return result
+
+    def _far_stops(self, result: Any) -> tuple[str, ...]:
+        """Say which stops are far from all others of their target, and what the results hold."""
+        _, index = self.stops
+        repeats = 2 * index + (self.direction > 0)
+        far = far_repeats(self.deviation, repeats, self._step)
+        if not far.any():
+            return ()
+        rows = np.flatnonzero(far)
+        said = [
+            f"{self.place(int(row))} ({rough(self.deviation[row])} {self.unit})"
+            for row in rows[:MAX_SHOWN]
+        ]
+        more = f" and {len(rows) - MAX_SHOWN} more" if len(rows) > MAX_SHOWN else ""
+        name = f"accuracy_{result.unit_name()}"
+        without = ""
+        with suppress(DataError):
+            left = getattr(own_cycles(self[~far]).data._results(), name)
+            without = f": without {'it' if len(rows) == 1 else 'them'} A is {rough(left)}, not "
+            without += f"{rough(getattr(result, name))} {self.unit}"
+        return (
+            f"Far from the other stops at the target, a typing error or a collision? "
+            f"{', '.join(said)}{more}. The results hold {'it' if len(rows) == 1 else 'them'}"
+            f"{without}.",
+        )
 
     def _results(self) -> Any:
         """Return the results of stops that are all readings of their own."""
@@ -251,6 +283,8 @@ class Positioning(Table):
         near_line = max(MAX_OFF_LINE, OF_LONG_TRAVEL * float(np.ptp(self.measured)))
         if 0.5 < slope < 2.0 and off <= near_line:
             return
+        if other := self.displaced:
+            raise DataError(f"measured_{suffix}: got readings that belong to other rows: {other}")
         # Deviations have steps, a reversal and noise as large as what they change over the travel.
         if abs(slope) < DEVIATIONS or off > OFF_LINE * abs(slope) * float(np.ptp(self.target)):
             raise DataError(
@@ -271,6 +305,17 @@ class Positioning(Table):
             f"measured_{suffix}: got {slope:.3g} {suffix} of travel for each {suffix} of "
             f"target_{suffix}, expected about 1{likely}"
         )
+
+    @property
+    def displaced(self) -> str:
+        """Which measured positions belong to other rows, in the order of time; empty: none."""
+        rows = self.in_time
+
+        def place(row: int) -> str:
+            at = int(rows[row])
+            return f"{self.place(at)} (cycle {self.cycle[at]}, direction {self.direction[at]:+d})"
+
+        return displaced(self.measured[rows], self.target[rows], place)
 
     def _line(self) -> tuple[float, float]:
         """Slope of the measured positions, and their median distance from the line."""
@@ -355,8 +400,9 @@ class Positioning(Table):
         self.all_or_none("target_deg", "measured_deg")
         if (self.target_mm is None) == (self.target_deg is None):
             got = "neither" if self.target_mm is None else "both"
+            found = f" in the columns {', '.join(self.columns)}" if got == "neither" else ""
             raise ColumnError(
-                "target_mm", None, f"{got} of target_mm and target_deg", "one of them"
+                "target_mm", None, f"{got} of target_mm and target_deg{found}", "one of them"
             )
         if self.axis is not None and len(np.unique(self.axis)) > 1:
             row = int(np.argmax(self.axis != self.axis[0]))
@@ -367,7 +413,14 @@ class Positioning(Table):
         """Return the error of targets without a column of measured positions."""
         measured = f"measured_{unit}"
         others = [n for n in self.columns if n.endswith(f"_{unit}") and n != f"target_{unit}"]
-        if near := nearest(measured, self.columns.keys() - self.kinds.keys(), 0.8):
+        near = nearest(measured, self.columns.keys() - self.kinds.keys(), 0.8)
+        other = unit_of(near) if near is not None else ""
+        if near is not None and other and conversion(other, unit) is None:
+            near = None
+        if near is not None and other not in ("", unit):
+            got = f"no {measured}, but {near}, by its name in {other}"
+            expected = f"{measured} (trunnion read --column {measured}={near} converts it)"
+        elif near is not None:
             got, expected = f"no {measured}, but {near}", f"the name {measured}"
         elif others:
             more = f" --column {others[-1]}={others[-1]}" * (len(others) > 1)

@@ -27,7 +27,8 @@ FORGOTTEN = (
 )
 NOT_TURNED = (
     "The readings of round {} go with those of round 1 with the same sign, but turn_deg says that "
-    "the level was turned between them: was it?"
+    "the level was turned between them: was it, or were the signs of these readings changed "
+    "already? Readings are given as they were read."
 )
 
 
@@ -61,6 +62,9 @@ def turn_doubts(data: Levels) -> tuple[str, ...]:
         free = np.stack([np.ones(len(one)), one - one.mean()], axis=1)
         pairs = [tuple(_left(change, free) for change in by_sign)]
         pairs.append(_of_one_drift(*by_sign, moment[one], moment[other], turned[0]))
+        if turned[0] < 0:  # of signs that were changed the zero has the other one, and stays
+            kept = np.ones((len(one), 1))
+            pairs.append((_left(by_sign[0], kept), pairs[-1][1]))
         for same, opposite in pairs:
             stated, otherwise = (same, opposite) if turned[0] > 0 else (opposite, same)
             ratio = stated / max(otherwise, least)

@@ -24,6 +24,9 @@ from trunnion.models.several import Measured, joint_model
 
 GAIN = -2.0 * float(np.log(LEVEL))
 """Of -2 ln L: runs that were exchanged fit as much better as what takes them apart has to."""
+MAX_LEFT = 0.95
+"""Of the residual in noises, that exchanged runs leave: where most of it stays, it has another
+cause, and the exchange is none."""
 AGREE = 1e-3
 """Probability below which exchanged runs contradict the others, too."""
 
@@ -49,7 +52,8 @@ def exchanged(found: Diagnosis, model: JointModel, measured: Sequence[Measured])
         before, after = _as_given(found, model, pair), _other_way(found, model, measured, pair)
         fewer = max(len(best.names) - len(after.names), 1)
         agree = after.rss - best.rss <= special.chdtri(fewer, AGREE)
-        if agree and before.rss - after.rss >= GAIN:
+        better = _of_noise(after) <= MAX_LEFT * _of_noise(before)
+        if agree and better and before.rss - after.rss >= GAIN:
             names = (f"{model.parts[k].name} ({_letter(measured[k])})" for k in pair.runs)
             fitting.append((_of_noise(after), _of_noise(before), " and ".join(names)))
     if not fitting:

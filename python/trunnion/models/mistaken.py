@@ -13,10 +13,12 @@ from trunnion.data.approach import approach_doubts
 from trunnion.data.axis_log import AxisLog
 from trunnion.data.diameters import Diameters
 from trunnion.data.levels import Levels
-from trunnion.data.meant import likely_better, meant_named
+from trunnion.data.meant import BETTER, likely_better, meant_named
 from trunnion.data.mistaken import of_each, size_notes
+from trunnion.data.pace import pace_doubts
 from trunnion.data.positioning import Positioning
 from trunnion.data.rotary_test import RotaryTest
+from trunnion.data.shifted import displaced_rows
 from trunnion.data.touches import Touches
 from trunnion.data.turned import turn_doubts
 from trunnion.diagnosis.effect import EffectValues
@@ -37,6 +39,8 @@ CAUSE = "What is not explained has a likely cause: "
 MIN_FREEDOM = 5
 SURE_PROBABILITY = 0.95
 """Of a named cause that no mistake is taken for."""
+FROM_CHUCK = ("bending", "chuck_tilt")
+"""Causes of diameters that are the largest at the free end, of one sign."""
 MIN_OF_OVERHANG = 0.3
 """Of the overhang, that measured places of a part reach."""
 
@@ -131,18 +135,53 @@ def _mistakes(
     said = [*size_notes(data)]
     if isinstance(data, RotaryTest) and isinstance(setup, Setup):
         said += _far_places(model, setup)
+    said += pace_doubts(data)
     if isinstance(data, Levels):
         said += turn_doubts(data)
     if isinstance(data, Positioning):
         said += approach_doubts(data)
+    if other := data.displaced if isinstance(data, Positioning) else displaced_rows(data):
+        said.append(f"Readings belong to other rows: {other}")
     if isinstance(setup, Setup) and (doubt := in_other_units(setup.machine.errors)):
         said.append(f"[machine.errors] has {doubt}")
     if unexplained is not None and isinstance(data, AxisLog):
         said += getattr(build(data, setup), "scale_doubts", ())
+    if unexplained is not None and isinstance(data, Diameters):
+        said += [f"{CAUSE}{text}" for text in _from_free_end(data, setup, build, unexplained[1])]
     if unexplained is not None and not isinstance(data, Positioning):
         cause = likely_better(data, setup, scatter_by(build), *unexplained)
         said += [f"{CAUSE}{cause}"] if cause else []
     return tuple(said)
+
+
+def _from_free_end(data: Diameters, setup: Any, build: Build, left: float) -> list[str]:
+    """Say with which cause of a cut a part fits whose places count from its free end.
+
+    left: Rms of what the causes that were found leave.
+    """
+    given: Any = build(data, setup)
+    overhang = given.conditions.overhang_mm
+    places = overhang - np.asarray(data.z_mm)
+    if np.min(places) < 0.0:
+        return []
+    model = build(data.with_columns(z_mm=places), setup)
+    plain = model.jacobian(np.zeros(len(model.nuisance)), {})
+    found = []
+    for id_ in FROM_CHUCK:
+        effect = model.effect(id_)
+        start = {p.name: 0.0 for p in effect.parameters}
+        column = model.effect_jacobian(np.zeros(len(model.nuisance)), effect, start)
+        terms = np.column_stack([plain, column])
+        size, *_ = np.linalg.lstsq(terms, model.readings.values, rcond=None)
+        off = model.readings.values - terms @ size
+        rms = float(np.sqrt(off @ off / max(len(off) - terms.shape[1], 1)))
+        if size[-1] > 0.0 and rms <= BETTER * left:
+            found.append((rms, effect.label))
+    return [
+        f"the data fit to {rms:.3g} µm with one cause ({label}) if z_mm counts from the free end "
+        f"of the part: it counts from the chuck, {overhang:g} mm less these places."
+        for rms, label in sorted(found)[:1]
+    ]
 
 
 def _far_places(model: Model, setup: Setup) -> list[str]:

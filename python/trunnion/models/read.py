@@ -292,7 +292,7 @@ class _Mapped:
         if isinstance(unit, int | float):
             self.units[target] = f"{name} × {unit:g}"
             return float(unit)
-        unit = unit or self.channels.units.get(name)
+        unit = unit or self.channels.units.get(name) or _unit_in(name, wanted)
         if unit is None and self.options.units == "inch" and wanted in ("mm", "mm/min"):
             unit = "inch" if wanted == "mm" else "inch/min"
         if unit is None or not wanted:
@@ -324,6 +324,12 @@ class _Mapped:
         if self.channels.time_s is not None or "time_s" in {*self.columns, *self.channels.columns}:
             return ""
         return " (no times were found: period_s= gives the time between two samples)"
+
+
+def _unit_in(name: str, wanted: str) -> str | None:
+    """Return the unit in which the name of a channel ends, if it goes into the wanted one."""
+    unit = unit_of(name)
+    return unit if unit and conversion(unit, wanted) is not None else None
 
 
 def _number_unless(given: Any, there: Mapping[str, Any]) -> Any:

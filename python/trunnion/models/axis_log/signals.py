@@ -443,6 +443,15 @@ def runs_of(log: AxisLog, servo: Servo) -> tuple[Run, ...]:
     return tuple(_run(log, servo, start, stop) for start, stop in pairwise(edges))
 
 
+def _other_clock(period: float, control: float) -> str:
+    """Ask for the unit of times by which samples are a few control periods apart; empty: none."""
+    for unit, factor in (("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9)):
+        steps = factor * period / control
+        if 0.5 <= steps <= MAX_SUBSTEPS and abs(steps - round(steps)) <= 0.01 * steps:
+            return f": are these times in {unit}? time_s is in s"
+    return ""
+
+
 def _run(log: AxisLog, servo: Servo, start: int, stop: int) -> Run:
     if stop - start < MIN_SAMPLES:
         raise DataError(
@@ -471,6 +480,7 @@ def _run(log: AxisLog, servo: Servo, start: int, stop: int) -> Run:
         raise DataError(
             f"axis log, {log.place(start)}: got samples every {period * 1e3:.6g} ms, expected at "
             f"most {MAX_SUBSTEPS} times servo.period_ms = {control * 1e3:.6g}"
+            f"{_other_clock(period, control)}"
         )
     if abs(period - substeps * control) > 0.01 * period:
         raise DataError(
