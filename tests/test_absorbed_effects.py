@@ -98,7 +98,7 @@ def test_an_effect_that_shifts_the_placement_only_has_no_bias() -> None:
 def test_what_is_absorbed_in_part_is_not_excluded_at_the_size_that_hurts() -> None:
     """Not at that of one parameter alone, which shows before; first, as it shows at no size."""
     without = diagnosed("paper", {}, 1)
-    said = "sag of the A axis (a_sag): 5 µm of ky_um with -5 µm of kz_um would shift EZ0A by +5 µm"
+    said = "sag of the A axis (a_sag): 5 µm of ky with −5 µm of kz would shift EZ0A by +5 µm"
     (opening,) = (line for line in without.summary().splitlines() if "Not excluded" in line)
     assert opening.startswith(f"Not excluded: {said}, unnoticed")
     hidden = diagnosed("paper", {"a_sag": {"ky_um": 5.0, "kz_um": -5.0}}, 1)
@@ -118,7 +118,7 @@ def test_what_can_stay_unnoticed_shifts_the_error_as_stated(plan: str, effect: s
     said = UNNOTICED.match(without.unnoticed[effect])
     assert said, without.unnoticed[effect]
     size, error, shift = float(said[1]), said[2], float(said[3])
-    assert f"({effect}): {without.unnoticed[effect]}" in without.summary()
+    assert f"({effect}): {without.unnoticed[effect].replace('-', '−')}" in without.summary()
     hidden = diagnosed(plan, {effect: {WEAK[plan, effect]: size / 2}}, 1)
     assert hidden.verdict == "consistent"
     bias = hidden.errors_after[error] - without.errors_after[error]

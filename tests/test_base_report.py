@@ -166,5 +166,7 @@ def test_a_parameter_of_no_size_is_not_stated() -> None:
     cause = tn.Cause("warmup", sizes, {"amplitude_um": 2.1e8, "tau_min": np.inf}, 1e-9)
     assert cause.size() == "2 parameters, identifiable in combination only"
     wave = tn.Cause("wave", {"a_um": 3.0, "b_um": -3.2}, {"a_um": 39.0, "b_um": 8.4}, 1e-9)
-    assert wave.reserve == "; it acts, its size is not determined"
+    assert wave.reserve == "; it acts, its parameters are determined in combination only"
+    alone = tn.Cause("taper", {"angle_arcsec": 6.7}, {"angle_arcsec": 8.8}, 1e-9)
+    assert alone.reserve == "; it acts, its size is not determined"
     assert replace(wave, std_errors={"a_um": 39.0, "b_um": 0.4}).reserve == ""

@@ -10,6 +10,7 @@ import pytest
 import trunnion as tn
 from power.study import draw_effects, ground
 from promise import kept, needed_runs, smallest_count
+from trunnion.diagnosis.records import labelled, together
 from twin.forward import Truth
 from twin.generator import measure, random_effect, random_errors, random_placement
 
@@ -70,7 +71,8 @@ def test_the_doubt_is_stated_and_in_the_estimate() -> None:
     assert np.linalg.eigvalsh(d.model.covariance).min() > -1e-9
     said = next(s for s in d.sentences() if s.startswith("EZ0A ± "))
     first, second = d.alternatives[0] - d.rivals["EZ0A"], d.rivals["EZ0A"] - d.alternatives[0]
-    assert said.endswith(f"from the doubt between {' + '.join(first)} and {' + '.join(second)}.")
+    named = (together([labelled(i, d.labels[i]) for i in sorted(some)]) for some in (first, second))
+    assert said.endswith(f"from the doubt between {' and '.join(named)}.")
     assert f"of it ± {d.doubt['EZ0A']:.2g} " in said
     again = tn.Diagnosis.from_dict(d.to_dict())
     assert (again.doubt, again.rivals) == (d.doubt, d.rivals)

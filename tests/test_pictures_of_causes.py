@@ -8,7 +8,7 @@ import pytest
 import trunnion as tn
 from trunnion.base.units import Floats
 from trunnion.diagnosis.model import Covariate
-from trunnion.diagnosis.records import together
+from trunnion.diagnosis.records import labelled, together
 from trunnion.plot.coordinates import Weight, coordinate_of
 from trunnion.plot.diagnosis import cause_picture
 from trunnion.reports.advice import to_do
@@ -137,3 +137,26 @@ def test_a_ball_bar_is_not_cleaned_as_a_probe() -> None:
     lines = to_do(Found(d), Source(data=(data,))).sentences
     assert [x for x in lines if x.startswith("Clean the balls")]
     assert not [x for x in lines if "probe" in x]
+
+
+def test_a_shape_is_not_uncertain_by_itself() -> None:
+    """Of twelve such lines four said so."""
+    dip, named = -25.0 * np.exp(-(((PLACES - 300) / 120) ** 2)), 0
+    for seed in range(12):
+        d = tn.diagnose(roll_of_a_level(seed, dip))
+        named += "field" in d.named
+        own = [note for note in d.notes if note.startswith("Smooth shape")]
+        assert not [note for note in own if "by the smooth shape beside it" in note]
+        (twist,) = [note for note in d.notes if "whole roll the twist is" in note]
+        assert " ± " in twist
+    assert named > 6
+
+
+def test_ids_of_measurements_and_names_of_parameters_are_said_once_and_in_words() -> None:
+    said = labelled("touches:drift_z", "drift of the Z axis (touches)")
+    assert said == "drift of the Z axis (touches:drift_z)"
+    assert labelled("drift_z", "drift of the Z axis") == "drift of the Z axis (drift_z)"
+    expansion = tn.Cause(
+        "expansion", {"ppm_k": 18.2, "lag_s": 60.0}, {"ppm_k": 0.4, "lag_s": 2.0}, 0.0
+    )
+    assert expansion.size().startswith("coefficient = 18.2")

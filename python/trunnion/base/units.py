@@ -81,7 +81,12 @@ def without_unit(name: str) -> str:
 
 
 def parameter_words(name: str) -> str:
-    """Return a parameter's name without its unit as people read it: at_10_mm_um → at 10 mm."""
+    """Return a parameter's name without its unit as people read it: at_10_mm_um → at 10 mm.
+
+    A name that is a unit alone says what it is by it: ppm_k → coefficient.
+    """
+    if "/" in _SUFFIXES.get(name, ""):
+        return "coefficient"
     return without_unit(name).replace("_", " ")
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -320,6 +320,8 @@ class Model:
     def left_by_places(self, _: EffectValues) -> Mapping[tuple[str, str], float]:
         """Standard uncertainty by the choice of places, by effect and parameter: none."""
         return {}
+
+    supposed_of: ClassVar[Mapping[str, Sequence[str]]] = {}  # effects that are it themselves
 
     def supposed(self, _: EffectValues) -> Mapping[str, Floats]:
         """What may act and is no candidate, in words: columns of 1 sigma each, (n, k); nothing."""

@@ -26,6 +26,7 @@ from trunnion.diagnosis.smooth import over_range
 from trunnion.diagnosis.structure import DISTINGUISHED, wider
 from trunnion.diagnosis.supposed import Supposed
 from trunnion.machine.effects import Owner
+from trunnion.setup.names import spoken
 
 TINY = 1e-300
 MAX_FURTHER = 3  # terms of structure beside the one that is stated
@@ -143,6 +144,7 @@ def notes_of_open(
         "it or all of it."
         for what, squares in open_.supposed.items()
         for e in _mostly(kept, f, squares, variance)
+        if e.id not in kept.model.supposed_of.get(what, ())
     )
     return (*notes_of_structure(kept.model, open_.every, std), *said, *more)
 
@@ -361,5 +363,7 @@ def notes_of_structure(
     }
     worst = [k for k in sorted(shares, key=lambda k: -shares[k]) if shares[k] > MIN_DOUBT]
     units = {x.name: x.unit for x in model.nuisance}
-    said = ", ".join(f"{k} ± {with_unit(uncertainty(std[k]), units[k])}" for k in worst[:MAX_WORST])
+    said = ", ".join(
+        f"{spoken(k)} ± {with_unit(uncertainty(std[k]), units[k])}" for k in worst[:MAX_WORST]
+    )
     return (f"Mostly what {what} leaves open: {said}.",) if said else ()

@@ -137,8 +137,11 @@ class Cause(Result):
         pairs = [(self.parameters[k], self.std_errors[k]) for k in self.parameters]
         if self.probability <= CERTAIN or not pairs:
             return ""
-        is_open = all(abs(value) < std < np.inf for value, std in pairs)
-        return "; it acts, its size is not determined" if is_open else ""
+        if not all(abs(value) < std < np.inf for value, std in pairs):
+            return ""
+        if len(pairs) > 1:
+            return "; it acts, its parameters are determined in combination only"
+        return "; it acts, its size is not determined"
 
     def size(self, coverage: float = 1.0) -> str:
         """Say the parameters with `coverage` standard errors; of many only the largest."""
@@ -452,8 +455,12 @@ def parameter_table(
 
 
 def labelled(id_: str, label: str) -> str:
-    """Return a label with its id behind it; the id alone, in words, where there is no label."""
-    return f"{label} ({id_})" if label else id_.replace("_", " ")
+    """Return a label with its id behind it; the id alone, in words, where there is no label.
+
+    Of one of several measurements the id says which: the label need not.
+    """
+    own = label.removesuffix(f" ({id_.partition(':')[0]})") if ":" in id_ else label
+    return f"{own} ({id_})" if label else id_.replace("_", " ")
 
 
 def together(causes: Sequence[str]) -> str:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from trunnion.base.report import uncertainty
-from trunnion.base.units import unit_of
+from trunnion.base.units import capital, parameter_words, unit_of
 from trunnion.diagnosis.contributions import largest_biases
 from trunnion.diagnosis.records import (
     MAX_WORST,
@@ -21,6 +22,7 @@ from trunnion.diagnosis.records import (
     with_unit,
 )
 from trunnion.files.origin import places
+from trunnion.setup.names import spoken
 
 if TYPE_CHECKING:
     from trunnion.diagnosis.result import Diagnosis
@@ -68,7 +70,7 @@ def sentences_of(d: Diagnosis) -> tuple[str, ...]:
             *(() if d.ladder is None else d.ladder.sentences()),
             f"Cross-validated rms {d.gain.fall()}; the plain model alone has {chance(d.p_value)}.",
         ]
-    weak = (f"{labelled(k, d.labels.get(k, ''))}: {v}" for k, v in d.unnoticed.items())
+    weak = (f"{labelled(k, d.labels.get(k, ''))}: {_worded(v)}" for k, v in d.unnoticed.items())
     small = "; ".join(weak)
     return (
         *d.mistakes,
@@ -134,11 +136,12 @@ def _widened(d: Diagnosis) -> list[str]:
     for name in worst[:MAX_WORST]:
         std, part = (uncertainty(v[name]) for v in (d.errors_std, d.doubt))
         one, other = d.alternatives[0], d.rivals[name]
-        pair = (" + ".join(sorted(s)) or "no further cause" for s in (one - other, other - one))
-        lines.append(
-            f"{name} ± {std} {unit_in(d, name)}, of it ± {part} from the doubt between "
-            f"{' and '.join(pair)}"
+        pair = (
+            together([labelled(i, d.labels.get(i, "")) for i in sorted(s)]) or "no further cause"
+            for s in (one - other, other - one)
         )
+        size = f"{capital(spoken(name))} ± {std} {unit_in(d, name)}"
+        lines.append(f"{size}, of it ± {part} from the doubt between {' and '.join(pair)}")
     return [f"{'; '.join(lines)}."] if lines else []
 
 
@@ -147,7 +150,7 @@ def _bias(d: Diagnosis) -> list[str]:
     moved = {k: v - d.errors_after.get(k, v) for k, v in d.errors_before.items()}
     count = len(d.causes) + (d.structure is not None)
     return [
-        f"Without {'it' if count == 1 else 'them'}, {name} is biased by "
+        f"Without {'it' if count == 1 else 'them'}, {spoken(name)} is biased by "
         f"{with_unit(f'{abs(moved[name]):.2g}', unit_in(d, name))}."
         for name in largest_biases(moved, d.errors_std, d.units)[:1]
     ]
@@ -178,6 +181,13 @@ def _places(d: Diagnosis) -> str:
         parts += [f"{places(one, mine)}{where}"] if mine else []
         first += len(one)
     return ", ".join(parts)
+
+
+def _worded(text: str) -> str:
+    """Return what an effect would do in words: "5 µm of ky_um with -5 µm" → "of ky with −5 µm"."""
+    text = re.sub(r"(?<![\w.])-(?=\d)", "−", text)
+    text = re.sub(r"\bof (\w+)", lambda m: f"of {parameter_words(m[1])}", text)
+    return re.sub(r"(?<=would shift )\w+|(?<= and )\w+(?= by )", lambda m: spoken(m[0]), text)
 
 
 def unit_in(d: Diagnosis, name: str) -> str:

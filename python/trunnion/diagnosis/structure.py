@@ -11,7 +11,7 @@ from scipy import special
 
 from trunnion.base.errors import DataError
 from trunnion.base.report import Result, Table
-from trunnion.base.units import Floats, Integers, unit_of
+from trunnion.base.units import Floats, Integers, parameter_words, unit_of
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.cross_validation import better
 from trunnion.diagnosis.effect import Effect, EffectValues, Values
@@ -20,6 +20,7 @@ from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.formula import FormulaEffect
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.records import (
+    labelled,
     parameter_table,
     value_in_words,
 )
@@ -281,7 +282,9 @@ def _with_term(kept: Case, term: Term, f: Fit) -> WithTerm:
     if np.max(grown, initial=0.0) > DISTINGUISHED:
         at = int(np.argmax(grown))
         times = "not determined" if np.isinf(grown[at]) else f"{grown[at]:.2g} times as wide"
-        name = ".".join(f.names[at])
+        id_, parameter = f.names[at]
+        label = next((e.label for e in model.effects if e.id == id_), "")
+        name = f"{parameter_words(parameter)} of {labelled(id_, label)}"
         why = f"beside it the standard error of {name} would be {times}; {ELSEWHERE}"
     said = f"unexplained, {_as_found(term, source, found).sentence()}"
     source, added = replace(source, label=said), replace(added, label=said)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from trunnion.diagnosis.effect import Effect, EffectLike, EffectValues, Paramete
 from trunnion.diagnosis.in_turn import ReadInTurn
 from trunnion.diagnosis.model import FINEST_NOISE, Covariate, Model, Nuisance, Readings, Uncertainty
 from trunnion.diagnosis.own_effects import with_own
+from trunnion.diagnosis.records import value_in_words
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.models.breaks import break_of, moment_between, passes_of, shift_from
@@ -37,6 +38,7 @@ MAX_DEGREE = 4
 PLACES_PER_DEGREE = 4
 MIN_APART = 0.05  # of the variance of time, beside the place, from which a drift is looked for
 SHIFT = "zero_shift"
+SHAPE = "the smooth shape beside it"
 SURFACE = "levels say how a surface is, not how an axis moves"
 IDS = ("instrument_zero", "drift", SHIFT, "twist", "bow", "kink", "kink_x", "kink_y", "field")
 NOT_TURNED = (
@@ -157,6 +159,7 @@ class LevelsModel(ReadInTurn):
     """
 
     together = True
+    supposed_of: ClassVar[Mapping[str, Sequence[str]]] = {SHAPE: ("field",)}
 
     def __init__(
         self,
@@ -209,9 +212,7 @@ class LevelsModel(ReadInTurn):
         """A drift that bow and twist look like, and what is straight in the slopes of a shape."""
         out = dict[str, Floats]()
         if "field" in effects:
-            out["the smooth shape beside it"] = _straight_part(
-                self.data, self._frame, effects["field"]
-            )
+            out[SHAPE] = _straight_part(self.data, self._frame, effects["field"])
         if _elapsed(self.data) is None:
             rows = _Rows.of(self.data)
             out["a drift of the level"] = rows.each(DRIFT_UM_M_H * _hours(self.data)[rows.row])
@@ -223,10 +224,13 @@ class LevelsModel(ReadInTurn):
         data = self.data
         out = [] if data.reversed else [NOT_TURNED]
         if not data.grid and "across" in data.components and len(data.stations[0]) > 2:
+            found = data.twist()
+            size = value_in_words(
+                found.twist_um_m_m, found.std_errors["twist_um_m_m"], "µm/m per m"
+            )
             out.append(
-                f"By a straight line through the whole roll the twist is "
-                f"{data.twist().twist_um_m_m:.4g} µm/m per m; beside a kink or a smooth shape the "
-                "cause twist is what these leave."
+                f"By a straight line through the whole roll the twist is {size}; beside a kink or "
+                "a smooth shape the cause twist is what these leave."
             )
         if _elapsed(data) is None:
             out.append(NO_DRIFT)

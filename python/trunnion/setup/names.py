@@ -141,6 +141,11 @@ def error_label(name: str) -> str:
     )
 
 
+def spoken(name: str) -> str:
+    """Return an error as sentences have it: a code of ISO 230-1, or words with the name behind."""
+    return name if is_code(name) else called(name)
+
+
 def called(name: str) -> str:
     """Return a location error in words with its name: "offset of the C axis along X (EX0C)"."""
     label = error_label(name)
