@@ -137,7 +137,7 @@ def test_rows_of_points_that_are_shifted_or_exchanged_are_named(seed: int) -> No
 @pytest.mark.parametrize("seed", range(60))
 def test_sound_and_random_readings_are_not_of_other_rows(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    even = 20.0 * np.arange(60)
+    even = np.asarray(20.0 * np.arange(60), dtype=np.float64)
     assert displaced(even + 20.0 + rng.normal(0.0, 0.1, 60), even, str) == ""
     meant = rng.uniform(0.0, 400.0, 60)
     for size in (1e-3, 1.0, 100.0):
@@ -258,6 +258,12 @@ def test_signs_of_a_turned_level_that_were_changed_already_are_asked_about(
     said = tn.diagnose(level(seed, slope, changed=True)).mistakes
     assert [x for x in said if "changed already" in x]
     assert not tn.diagnose(level(seed, slope, changed=False)).mistakes
+
+
+def test_a_run_from_one_direction_is_refused_with_what_is_missing() -> None:
+    data, _ = run(1)
+    with pytest.raises(tn.DataError, match="in every row, expected stops from both directions"):
+        data[np.array(data.direction) > 0].iso230_2()
 
 
 def test_a_column_that_ends_in_another_unit_is_converted() -> None:

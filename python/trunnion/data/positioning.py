@@ -208,6 +208,13 @@ class Positioning(Table):
     def _results(self) -> Any:
         """Return the results of stops that are all readings of their own."""
         targets, index = self.stops
+        senses = np.unique(self.direction).tolist()
+        if len(senses) == 1:
+            raise DataError(
+                f"direction: got {senses[0]:+d} in every row, expected stops from both directions: "
+                "reversal and the figures of both directions need them, and those of one direction "
+                "alone are not given"
+            )
         found: dict[int, list[Floats]] = {}
         for sense in (1, -1):
             found[sense] = [
