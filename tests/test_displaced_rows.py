@@ -209,26 +209,31 @@ def test_results_of_the_standard_name_a_stop_that_is_far_from_the_others(
 
 
 def bent(seed: int) -> tn.Diameters:
-    """Three passes on a part that bends, places from the chuck, independent of the core."""
+    """Three passes of other depths on a part that bends, places from the chuck (own formula)."""
     rng = np.random.default_rng(seed)
     place = np.tile(np.arange(1.5, 65.0, 1.5), 3)
-    which = np.repeat([1, 2, 3], len(place) // 3)
-    error = 20.0 * (place / 65.0) ** 3 + 3.0 * which + rng.normal(0.0, 0.4, len(place))
-    return tn.Diameters(z_mm=place, error_um=error, **{"pass": which}, feed_sign=-1 + 0 * which)
+    each = len(place) // 3
+    which, depth = np.repeat([1, 2, 3], each), np.repeat([0.5, 0.25, 0.1], each)
+    error = 20.0 * depth / 0.5 * (place / 65.0) ** 3 + 3.0 * which
+    return tn.Diameters(
+        z_mm=place,
+        error_um=error + rng.normal(0.0, 0.4, len(place)),
+        depth_mm=depth,
+        feed_sign=np.full(len(place), -1),
+        time_s=np.tile(0.75 * np.arange(each), 3),
+        **{"pass": which},
+    )
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_places_from_the_free_end_of_a_part_are_named(seed: int) -> None:
-    setup = tn.Setup(
-        tn.Artefact("none"),
-        turning={"overhang_mm": 65.0, "feed_mm_rev": 0.1, "spindle_rpm": 1200.0},
-    )
+    turning = {"overhang_mm": 65.0, "feed_mm_rev": 0.1, "spindle_rpm": 1200.0}
+    setup = tn.Setup(tn.Artefact("none"), turning=turning)
     data = bent(seed)
     assert not tn.diagnose(data, setup).mistakes
-    other = data.with_columns(z_mm=65.0 - np.array(data.z_mm))
-    found = tn.diagnose(other, setup)
-    if found.verdict == "unexplained":
-        assert any("free end" in text for text in found.mistakes)
+    found = tn.diagnose(data.with_columns(z_mm=65.0 - np.array(data.z_mm)), setup)
+    assert found.verdict == "unexplained"
+    assert any("free end" in text for text in found.mistakes)
 
 
 def level(seed: int, slope: Callable[[Floats], Floats], *, changed: bool) -> tn.Levels:
