@@ -356,12 +356,14 @@ class _Problem:
         lost = [] if self.lost is None else [self.lost]
         return np.concatenate([first, *lost, solved.combinations @ self.directions])
 
-    def beyond(self, at: _Point, step: Array) -> Flags:
-        """Which parameters a step would take beyond their bounds, (p,)."""
+    def beyond(self, at: _Point, step: Array, held: Flags | bool = False) -> Flags:
+        """Which parameters that are not held a step takes beyond bounds, (p,); sizes come last."""
         count = len(at.nuisance)
         steps = zip(self.index, step[count:], strict=True)
         after = [(p.bounds, at.values[e.id][p.name] + d) for (e, p), d in steps]
-        return np.array([False] * count + [not low <= x <= high for (low, high), x in after])
+        over = ~np.array(held) & ([False] * count + [not a <= x <= b for (a, b), x in after])
+        first = over & ([False] * count + [not p.linear for _, p in self.index])
+        return first if first.any() else over
 
     def reached(self, at: _Point, step: Array) -> list[float]:
         """Values of the effects' parameters after a step, within their bounds."""
@@ -377,7 +379,7 @@ class _Problem:
     def within(self, at: _Point, jac: Array, w: Array, step: Array) -> Array:
         """Return the step to the least squares with what is beyond its bounds held there."""
         held = np.zeros(len(step), dtype=bool)
-        while (over := self.beyond(at, step) & ~held).any():
+        while (over := self.beyond(at, step, held)).any():
             held |= over
             fixed = np.where(held, self.room(at, step), 0.0)
             others = self.solve(np.where(held, 0.0, jac), w - self.used(jac @ fixed))
@@ -387,7 +389,7 @@ class _Problem:
     def standing(self, at: _Point, jac: Array, w: Array, solved: _Step) -> _Step:
         """Solve without what only a step beyond the bounds would explain: it does not move."""
         held = np.zeros(jac.shape[1], dtype=bool)
-        while (over := self.beyond(at, solved.lengths(None) @ self.directions) & ~held).any():
+        while (over := self.beyond(at, solved.lengths(None) @ self.directions, held)).any():
             held |= over
             solved = self.solve(np.where(held, 0.0, jac), w)
         return solved

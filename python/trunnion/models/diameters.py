@@ -51,8 +51,8 @@ MIN_WEAR_UM = 2.0
 MIN_READINGS = 4  # in a pass
 OF_TURNING = "it acts while a lathe cuts: correct the program or the next pass (tn.next_passes)"
 
-# Of one sign: a worn tool cuts a thicker part, and a cut presses the part away from the tool.
-THICKER = frozenset(("tool_wear", "bending", "chuck_tilt"))
+# A worn tool cuts a thicker part, a cut presses the part away, no tool shrinks as it warms.
+ONE_SIGN = frozenset(("tool_wear", "bending", "chuck_tilt", "tool_heating"))
 
 CAUSES = {
     "tool_heating": "thermal growth of the tool",
@@ -228,7 +228,7 @@ class _Cause:
         }[self.name]
         if self.classes:
             own = [p.replace("_um", f"_{label}_um") for label in self.classes for p in own]
-        least = 0.0 if self.name in THICKER else -np.inf
+        least = 0.0 if self.name in ONE_SIGN else -np.inf
         return tuple(Parameter(name, bounds=(least, np.inf)) for name in own) + tuple(
             Parameter(name, grid=self._grid(), bounds=(1e-3, np.inf)) for name in shared
         )

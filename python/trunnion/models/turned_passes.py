@@ -35,7 +35,7 @@ def simulate_diameters(
         With a table ``[turning]``.
     effects
         Id → parameter → value, as docs/reference/effects.md lists them for diameters:
-        ``{"tool_heating": {"amplitude_um": -40.0, "tau_s": 30.0}}``. Parameters that are not
+        ``{"tool_heating": {"amplitude_um": 40.0, "tau_s": 30.0}}``. Parameters that are not
         given are 0.
     offset_um
         Setting of the tool, the same for all passes, on the diameter.
