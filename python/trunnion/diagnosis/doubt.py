@@ -17,12 +17,32 @@ import numpy as np
 from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Flags, Floats
 from trunnion.diagnosis.case import Case
+from trunnion.diagnosis.explanation import Explanation
 from trunnion.diagnosis.fit import ABSORBED_SHARE, Fit, variant_columns
-from trunnion.diagnosis.records import Alternative
+from trunnion.diagnosis.records import RELATIVE, Alternative
+from trunnion.diagnosis.whitening import Whiteners
 from trunnion.machine.estimate import SECOND_ORDER
 
 MIN_PROBABILITY = 0.005  # of a set that counts
 MAX_COUNTED = 20
+
+
+def alternatives_of(case: Case, e: Explanation) -> list[Alternative]:
+    """List the sets of causes, each once, best first."""
+    ids = [x.id for x in case.effects]
+    out: dict[frozenset[str], Alternative] = {}
+    chances, unit = e.probabilities, case.model.readings.unit
+    of_noise = not isinstance(unit, str) or isinstance(case.whiten, Whiteners)
+    unit = RELATIVE if of_noise else str(unit)
+    for members, distance, rss in e.sets:
+        causes = frozenset(ids[m] for m in members)
+        if causes not in out:
+            size = np.sqrt(max(rss, 0.0) / max(len(e.fit.white), 1))
+            start = {ids[m]: e.values[m][v] for m, v in members.items()}
+            chance = chances.of_set(frozenset(members))
+            out[causes] = Alternative(causes, float(distance), float(size), start, chance, unit)
+    sets = list(out.values())
+    return [*sets[:1], *sorted(sets[1:], key=lambda a: -a.probability)]
 
 
 @dataclass(frozen=True)

@@ -95,6 +95,11 @@ ALL_AXES = (
 )
 """What the length of an instrument, an artefact or a workpiece looks like."""
 UNIFORMLY_WARM = "a machine that is uniformly warm"
+INSTRUMENT_DRIFTS = "a drift of the instrument"
+TURNED_ONCE = (
+    f"{INSTRUMENT_DRIFTS} in time: the positions were measured in their order; measure them once "
+    "more, the other way"
+)
 """The same in short, for the name of a cause."""
 
 
@@ -186,7 +191,7 @@ class Effect:
     @property
     def instead(self) -> str:
         """What else its name may stand for, in short; empty: nothing."""
-        return UNIFORMLY_WARM if self.looks_like == ALL_AXES else ""
+        return {ALL_AXES: UNIFORMLY_WARM, TURNED_ONCE: INSTRUMENT_DRIFTS}.get(self.looks_like, "")
 
     def info(self) -> EffectInfo:
         """Return the entry of a catalogue."""

@@ -59,8 +59,7 @@ class Readings:
         Noise of each reading (1 σ), if it is known beforehand; None: one noise for all, estimated.
         Readings of different noise or unit are brought to one noise by ``Model.whitener``.
     step:
-        Step in which each reading is recorded, 0 where there is none; None: not known. The noise
-        of a reading is not below step/√12 (:mod:`trunnion.base.resolution`).
+        In which each reading is recorded, 0: none; None: not known. Its noise is at least step/√12.
     recorded:
         The numbers that were recorded, in the unit of the readings, where these are something else:
         in them a step is recognised. Each of shape (n,) or (n, k), the first dimension a reading.
@@ -121,15 +120,15 @@ class Covariate:
     words:
         What people call values that are few, as pairs: -1 → "clockwise".
     known:
-        Which readings have the quantity, shape (n,): nothing in the others depends on it. None:
-        all have it.
+        Which readings have it, shape (n,): nothing in the others depends on it. None: all.
     comes_back:
-        The same places come again along it, so that a function of these may be a smooth one of it,
-        too: of smooth functions of it only what does not repeat competes with causes.
+        The same places come again along it: of smooth functions what does not repeat competes.
     readings:
         First and end of those of the measurement that it is recorded in, of several; None: one.
     turns:
         The angle of a rotary axis may depend on it (components by :mod:`.ways`).
+    apart:
+        A smooth error along it is no candidate even where one makes the same: it competes with all.
     """
 
     name: str
@@ -143,6 +142,7 @@ class Covariate:
     comes_back: bool = False
     readings: tuple[int, int] | None = None
     turns: bool = False
+    apart: bool = False
 
 
 @dataclass(frozen=True)

@@ -44,8 +44,9 @@ class LeftOpen:
     every:
         Of all that is fitted.
     constant:
-        The part of it that is the constant of a smooth curve, the choice of places or supposed: no
-        set of causes was compared with it, as such a term is taken to be zero on average.
+        The part of it that no set of causes was compared with: the constant of a smooth curve, as
+        such a term is taken to be zero on average, the choice of places, what is supposed; and all
+        of structure that is stated only, as the causes are fitted without it.
     places:
         The part of that which is the choice of places.
     supposed:
@@ -93,7 +94,8 @@ def left_open(
         moved = np.outer(off, off)
     terms = [first, *(_Term(kept, f, term, variance, absorbed) for term in others)]
     every = moved + np.sum([x.left_open for x in terms], axis=0)
-    return LeftOpen(every + known, first.constant + known, places, supposed)
+    constant = first.left_open if source is None else first.constant
+    return LeftOpen(every + known, constant + known, places, supposed)
 
 
 def _by_places(kept: Case, f: Fit) -> Floats:
@@ -166,13 +168,17 @@ def in_doubt(case: Case, e: Explanation, f: Fit, open_: LeftOpen, before: Case) 
         always = before.model.supposed({})
         weighed = (x for said, x in open_.supposed.items() if said not in always)
         constant = constant - np.sum([*weighed], axis=0)
-    return _with_constant(case, e, f, constant)
+    stated = bool(e.terms) and case is before and not case.dependent
+    return _with_constant(case, e, f, constant, stated=stated)
 
 
-def _with_constant(case: Case, e: Explanation, f: Fit, constant: Floats) -> Explanation:
+def _with_constant(
+    case: Case, e: Explanation, f: Fit, constant: Floats, *, stated: bool
+) -> Explanation:
     """Return an explanation with the probabilities of causes that a constant may be instead.
 
-    ``constant``: the mean squares that it leaves open, of the parameters of the fit.
+    ``constant``: the mean squares that it leaves open, of the parameters of the fit; ``stated``:
+    of structure beside which sets were compared, and which is not in the fit.
     """
     if not np.any(constant):
         return e
@@ -189,26 +195,28 @@ def _with_constant(case: Case, e: Explanation, f: Fit, constant: Floats) -> Expl
         if not np.all(np.isfinite(both)):  # nothing determines it
             continue
         certain, known = (float(np.sqrt(size @ np.linalg.pinv(x) @ size)) for x in (own, both))
-        if known < SURE * certain:
+        if certain > 0 and (known < SURE * certain or stated):
             out[j] = chance_in_doubt(e.candidates, j, certain, known)
     if not out:
         return e
     e = replace(e, probabilities=e.probabilities.in_doubt(out))
-    return replace(e, sets=[*e.sets, *_without(e, out)])
+    return replace(e, sets=[*e.sets, *without_doubtful(e, out)])
 
 
-def _without(e: Explanation, doubtful: Collection[int]) -> Sets:
+def without_doubtful(e: Explanation, doubtful: Collection[int]) -> Sets:
     """Sets of an explanation without some causes that are in doubt, as far as they are probable."""
     known = {frozenset(members) for members, *_ in e.sets}
+    searched = e.probabilities.search if isinstance(e.probabilities, Probabilities) else None
     out: Sets = []
     for members, distance, rss in e.sets:
         some = [j for j in doubtful if j in members]
         for gone in chain.from_iterable(combinations(some, k + 1) for k in range(len(some))):
             fewer = {j: v for j, v in members.items() if j not in gone}
-            new = bool(fewer) and frozenset(fewer) not in known
+            new = frozenset(fewer) not in known
             if new and e.probabilities.of_set(frozenset(fewer)) > MIN_LISTED:
                 known.add(frozenset(fewer))
-                out.append((fewer, distance, rss))
+                left = rss if fewer or searched is None else searched.nothing.rss
+                out.append((fewer, distance, left))
     return out
 
 

@@ -156,7 +156,8 @@ class Probabilities:
 
     def in_doubt(self, chances: Mapping[int, float]) -> Probabilities:
         """Return those of which causes, where a set has them, act with such a probability."""
-        return replace(self, doubts={self._leader.get(j, j): p for j, p in chances.items()})
+        doubts = {self._leader.get(j, j): p for j, p in chances.items()}
+        return replace(self, doubts={**self.doubts, **doubts})
 
     @property
     def none(self) -> float:

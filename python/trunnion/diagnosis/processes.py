@@ -16,7 +16,7 @@ from trunnion.diagnosis.columns import DEPENDENT
 from trunnion.diagnosis.likely_terms import beside_a_term
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.probability import Beside
-from trunnion.diagnosis.quantities import Said, smooth_functions
+from trunnion.diagnosis.quantities import Said, saying, smooth_functions
 from trunnion.diagnosis.scan import Dictionary
 from trunnion.diagnosis.selection import REACH, WITHIN, Found, search
 from trunnion.diagnosis.smooth import Along, Sums, mean_deviance
@@ -34,13 +34,7 @@ def processes(case: Case, best: Found, least: float) -> list[Beside]:
     A process is weighed as a cause is: it is one among all candidates, along one of the quantities.
     """
     c, plain = case.candidates, case.plain
-    sought: list[Floats] = []
-    if len(case.rows) < MANY_ROWS:
-        known = case.dictionary.quantities
-        sought = smooth_functions(
-            case.model, case.rows, MAX_QUANTITIES, competing=True, known=known
-        )
-    every = [x for x in map(case.white, sought) if not c.makes_any(x, plain.basis)]
+    every = _competing(case) if len(case.rows) < MANY_ROWS else []
     if not every:
         return []
     price = 2.0 * float(np.log(max(c.multiplicity, 1.0) * len(every)))
@@ -55,6 +49,23 @@ def processes(case: Case, best: Found, least: float) -> list[Beside]:
             white = np.asarray(process.whiten(plain.white))
             searched = search(InProcess(c, process.whiten), white, floor=case.floor)
             out.append(Beside(searched, process.cost + price, i))
+    return out
+
+
+def _competing(case: Case) -> list[Floats]:
+    """Smooth functions of quantities, white, (n, m): what a candidate makes has its name.
+
+    Unless an error along the quantity is another one than the candidate (`Covariate.apart`).
+    """
+    known = case.dictionary.quantities
+    if known is None:
+        known = list(saying(case.model.covariates, case.model.components, case.rows))
+    out: list[Floats] = []
+    for apart in (False, True):
+        own = [x for x in known if x.covariate.apart == apart]
+        found = smooth_functions(case.model, case.rows, MAX_QUANTITIES, competing=True, known=own)
+        white = map(case.white, found)
+        out += [x for x in white if apart or not case.candidates.makes_any(x, case.plain.basis)]
     return out
 
 

@@ -22,8 +22,8 @@ from trunnion.diagnosis.in_steps import as_read
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.moments import determined, moment_errors, other_optima
 from trunnion.diagnosis.open_structure import in_doubt, left_open, notes_of_open
+from trunnion.diagnosis.predicted import weighed
 from trunnion.diagnosis.records import (
-    RELATIVE,
     Alternative,
     Cause,
     Gain,
@@ -40,7 +40,7 @@ from trunnion.diagnosis.scatter import Scatter
 from trunnion.diagnosis.shape_in_time import notes_of_shape, shape_in_doubt
 from trunnion.diagnosis.structure import placed, structure_of, why_stated, with_structure
 from trunnion.diagnosis.unnoticed import Others, is_small, names_of, too_little, unnoticed_of
-from trunnion.diagnosis.whitening import Whiteners, correlated
+from trunnion.diagnosis.whitening import correlated
 from trunnion.machine.budget import MODEL, SHAPE, Source, of_readings, root
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import bias_in_words, combined, named_combination
@@ -60,6 +60,7 @@ MAX_STEPS = 3
 TOGETHER = 0.98  # correlation of two sizes, from which readings tell only what both make
 UNSURE = 3.0  # standard errors of such a size, beside one that is smaller than its own
 TINY = 1e-300
+LIKELY = 0.5  # probability of each, below which they explain nothing
 CLEAR = 0.2  # of the rms, that causes may leave unexplained and still explain the data
 
 
@@ -80,9 +81,9 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     left = f.residuals - kept.shared(f)
     gain = _gain(kept, rows, plain, f, left)
     open_ = left_open(kept, e, f, source, variance, before)
-    alternatives = _alternatives(case, e := in_doubt(kept, e, f, open_, before))
-    of_sets = Doubt.of(kept, f, alternatives, variance, growth)
-    shape = shape_in_doubt(kept, f, model.effects, variance)
+    e, shape = in_doubt(kept, e, f, open_, before), shape_in_doubt(kept, f, model.effects, variance)
+    left_by = open_.every + shape
+    e, alternatives, of_sets = weighed(case, kept, e, f, variance, growth, left_by)
     doubt = of_sets.beside(open_.every)
     grown = replace(f, covariance=f.covariance * np.outer(growth, growth))
     wide = replace(f, covariance=doubt.covariance + shape)
@@ -355,24 +356,6 @@ def _absorbed(
     return out, parts
 
 
-def _alternatives(case: Case, e: Explanation) -> list[Alternative]:
-    """List the sets of causes, each once, best first."""
-    ids = [x.id for x in case.effects]
-    out: dict[frozenset[str], Alternative] = {}
-    chances, unit = e.probabilities, case.model.readings.unit
-    of_noise = not isinstance(unit, str) or isinstance(case.whiten, Whiteners)
-    unit = RELATIVE if of_noise else str(unit)
-    for members, distance, rss in e.sets:
-        causes = frozenset(ids[m] for m in members)
-        if causes not in out:
-            size = np.sqrt(max(rss, 0.0) / max(len(e.fit.white), 1))
-            start = {ids[m]: e.values[m][v] for m, v in members.items()}
-            chance = chances.of_set(frozenset(members))
-            out[causes] = Alternative(causes, float(distance), float(size), start, chance, unit)
-    sets = list(out.values())
-    return [*sets[:1], *sorted(sets[1:], key=lambda a: -a.probability)]
-
-
 def _verdict(
     unexplained: str | None,
     case: Case,
@@ -386,6 +369,8 @@ def _verdict(
     index, rows = units_of(case.model.readings)[1], rows[_measured_with(case, e, rows)]
     units = [rows[index[rows] == i] for i in range(index.max() + 1)]
     clear = sets and all(rms(after[u]) <= CLEAR * rms(before[u]) for u in units if len(u))
+    named = (j for j, x in enumerate(case.effects[: e.candidates.count]) if x.id in f.effects)
+    clear = clear and all(e.probabilities.of_cause(j) >= LIKELY for j in named)
     if unexplained is not None and not clear:
         return "unexplained"
     if sets > 1:

@@ -15,7 +15,7 @@ from trunnion.base.rotation import rotations
 from trunnion.base.rows import at_hand, repeats, where
 from trunnion.base.units import ARCSEC, Floats, Integers
 from trunnion.data.sweep import Sweep
-from trunnion.diagnosis.effect import Effect, EffectLike, EffectValues, Values
+from trunnion.diagnosis.effect import TURNED_ONCE, Effect, EffectLike, EffectValues, Values
 from trunnion.diagnosis.model import (
     FINEST_NOISE,
     TURNED,
@@ -249,6 +249,7 @@ class SweepModel(Model):
             bound.jacobian,
             motion.label,
             motion.owner,
+            looks_like=TURNED_ONCE if motion.slow and self._conditions.in_turn else "",
         )
 
     # --- what the engine looks for structure in
@@ -259,9 +260,9 @@ class SweepModel(Model):
         data = self.data
         out = [Covariate("position", np.repeat(data.angle_deg, 3), "deg", period=360.0)]
         if data.time_s is not None:
-            out.append(Covariate("time", np.repeat(data.time_s, 3), "s", sequence=True))
+            out.append(Covariate("time", np.repeat(data.time_s, 3), "s", sequence=True, apart=True))
         order = self.readings.rows.astype(float)
-        out.append(Covariate("order of measurement", order, sequence=True))
+        out.append(Covariate("order of measurement", order, sequence=True, apart=True))
         sense = np.repeat(self._conditions.sense, 3)
         out.append(Covariate("sense of turning", sense, words=TURNED))
         out.append(Covariate("target", np.repeat(np.asarray(data.target), 3), classes=True))

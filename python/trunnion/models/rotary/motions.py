@@ -60,6 +60,12 @@ class Conditions:
             elapsed = np.linspace(0.0, 1.0, len(angle))
         return cls(angle, elapsed, senses(angle), frame.T, data.time_s is not None)
 
+    @property
+    def in_turn(self) -> bool:
+        """Whether positions were measured in their order: what is slow in them is slow in time."""
+        steps = np.diff(self.angle_deg[np.argsort(self.elapsed, kind="stable")])
+        return bool(np.all(steps >= -SAME_POSITION_DEG) or np.all(steps <= SAME_POSITION_DEG))
+
     @classmethod
     def at(cls, angle_deg: Floats) -> Conditions:
         """Return positions alone: no time passes, and nothing is reversed."""
@@ -81,6 +87,7 @@ class Motion:
     columns: Callable[[Conditions, Floats], Floats]
     label: str
     owner: Owner = Owner.MACHINE
+    slow: bool = False  # along the position
 
     def rates(self, conditions: Conditions, values: Mapping[str, float]) -> Floats:
         """Derivative of the motions it acts on, µm and arcsec, by each parameter (n, acts, k)."""
@@ -237,6 +244,7 @@ def _trends(positions: Floats) -> dict[str, Motion]:
                 motions,
                 partial(_trend, motions, mine, travel),
                 f"slow {_LABELS[kind]} of the axis",
+                slow=True,
             )
     return out
 
