@@ -222,8 +222,7 @@ class Case:
 
     def _in_a_row(self, filters: Iterable[int]) -> list[Integers]:
         """Used readings of some filters of the whitener."""
-        every = self.segments
-        return [every[i] for i in filters]
+        return [some for i in filters if len(some := self._of_filters[i])]
 
     def growth(self, f: Fit, variance: float) -> Floats:
         """How many times their standard errors errors are.
@@ -443,23 +442,23 @@ class Case:
             # what is left out must not act on its repeats
             grid = grid.without(self.rows[bad])
             whiten = whiten.with_labels(grid.label)
-        if (shared := correlated(whiten)) is not None:
+        shared = whiten if isinstance(whiten, Whitener) else correlated(whiten)
+        if shared is not None:
             whiten = shared.without(self.rows[bad])
         if whiten is not self.whiten:
             linearised = Linearised(self.model, self.plain.nuisance, whiten)
         plain = fit(self.model, rows, (), self.model.start, {}, whiten)
-        return replace(
-            self,
-            rows=rows,
-            whiten=whiten,
-            plain=plain,
-            linearised=linearised,
-            grid=grid,
-        )
+        case = replace(self, rows=rows, whiten=whiten, plain=plain, grid=grid)
+        return replace(case, linearised=linearised)
 
     @property
     def segments(self) -> list[Integers]:
         """Used readings in a row, indices into the used: noise of different ones is independent."""
+        return [some for some in self._of_filters if len(some)]
+
+    @property
+    def _of_filters(self) -> list[Integers]:
+        """The same of each filter of the whitener."""
         if not isinstance(self.whiten, Whitener):
             return [np.arange(len(self.rows))]
         place = np.full(len(self.model.readings), -1)

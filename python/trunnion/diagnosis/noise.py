@@ -108,6 +108,22 @@ class Whitener:
             filters[i] = rows, Autoregression(sizes=noise.sizes[-1:])
         return replace(self, filters=tuple(filters), wandering=())
 
+    def without(self, some: IntArray) -> "Whitener":
+        """Return the map by which some readings act on no other one.
+
+        The memory of the noise ends at each of them, and begins anew after it.
+        """
+        filters: list[tuple[IntArray, Autoregression]] = []
+        marked: dict[str, list[int]] = {DEPENDENT: [], WANDERING: []}
+        for i, (rows, noise) in enumerate(self.filters):
+            out = np.flatnonzero(np.isin(rows, some))
+            parts = [x for x in np.split(rows, np.union1d(out, out + 1)) if len(x)]
+            for mark, of in ((DEPENDENT, self.dependent), (WANDERING, self.wandering)):
+                if i in of:
+                    marked[mark] += range(len(filters), len(filters) + len(parts))
+            filters += [(part, noise) for part in parts]
+        return Whitener(tuple(filters), tuple(marked[DEPENDENT]), tuple(marked[WANDERING]))
+
     def __call__(self, values: Array) -> Array:
         """Whiten each column; readings where all columns are zero stay so."""
         flat = values.reshape(len(values), -1)
@@ -404,6 +420,17 @@ def basis_beside(y: Array, channel: Channel) -> Array:
     return _absorbed(y, channel, Autoregression(), [np.arange(len(y))])
 
 
+def likely_beside(
+    y: Array, channel: Channel, noise: Autoregression, segments: Sequence[IntArray]
+) -> tuple[Array, float]:
+    """Orthonormal basis of what is no noise, if the noise is this; what it costs, of -2 ln L.
+
+    All fixed columns, and of the sets sought those whose best place gains more than such noise.
+    """
+    taken, paid = _taken(y, channel, noise, segments, SCAN_LEVEL)
+    return _basis(taken), paid
+
+
 def _absorbed(
     y: Array, channel: Channel, noise: Autoregression, segments: Sequence[IntArray]
 ) -> Array:
@@ -411,24 +438,44 @@ def _absorbed(
 
     So little of the noise goes with what is not noise. ``noise``: what is known of it.
     """
+    return _basis(_taken(y, channel, noise, segments)[0])
+
+
+def _taken(
+    y: Array,
+    channel: Channel,
+    noise: Autoregression,
+    segments: Sequence[IntArray],
+    level: float | None = None,
+) -> tuple[Array, float]:
+    """Columns of `_absorbed`, and what those sought cost, of -2 ln L.
+
+    ``level``: probability from which on a set is left out whose best place gains as much by noise.
+    """
 
     def white(columns: Array) -> Array:
         flat = columns.reshape(len(columns), -1)
         made = np.concatenate([noise.whiten(flat[s]) for s in segments])
         return made.reshape(columns.shape)
 
-    taken = channel.fixed[:, np.any(channel.fixed != 0, axis=0)]
+    taken, paid = channel.fixed[:, np.any(channel.fixed != 0, axis=0)], 0.0
     q = _basis(white(taken))
     r = white(y[:, None])
     left = r - q @ (q.T @ r)
     for places in channel.sought:
         every = white(places.transpose(1, 0, 2)).transpose(1, 0, 2)
-        best = int(np.argmax(gains_beside(every, q, left[:, 0])))
+        gains = gains_beside(every, q, left[:, 0])
+        best = int(np.argmax(gains))
+        if level is not None:
+            price = float(chdtri(places.shape[2], level / len(places)))
+            if gains[best] < price:
+                continue
+            paid += price
         own = _basis(every[best] - q @ (q.T @ every[best]))
         taken = np.concatenate([taken, places[best]], axis=1)
         q = np.concatenate([q, own], axis=1)
         left = left - own @ (own.T @ left)
-    return _basis(taken)
+    return taken, paid
 
 
 def _basis(columns: Array) -> Array:

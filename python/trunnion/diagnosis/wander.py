@@ -23,11 +23,27 @@ from trunnion.diagnosis.scan import UNNAMED_TERM_PENALTY
 ORDER = 64  # readings from which the next one is predicted
 PARAMETERS = 2  # share and length
 SHARES = (1.0, 30.0)  # variance of the wander over that of the white noise, to start from
-LENGTHS = (8.0, 30.0, 100.0, 300.0)  # readings
-MIN_LENGTH = 6.0  # readings: an autoregression of as many says what is shorter
 MAX_LOG = 30.0  # of share and length
 STEPS = 30
 TINY = 1e-300
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """Form of the covariance of a process, exp(-(distance / length)^power / power).
+
+    lengths: In readings, to start from. least: Shortest one.
+    """
+
+    power: float
+    lengths: tuple[float, ...]
+    least: float
+
+
+#: An autoregression of as many readings says what is shorter.
+SMOOTH = Kernel(2.0, (8.0, 30.0, 100.0, 300.0), 6.0)
+#: A walk that goes back to its middle: an autoregression of first order.
+WALK = Kernel(1.0, (3.0, 10.0, 30.0), 0.3)
 
 
 @dataclass(frozen=True)
@@ -39,7 +55,11 @@ class Wander:
 
 
 def fit_wander(
-    y: Floats, q: Floats, segments: Sequence[Integers], start: tuple[float, float] | None = None
+    y: Floats,
+    q: Floats,
+    segments: Sequence[Integers],
+    start: tuple[float, float] | None = None,
+    kernel: Kernel = SMOOTH,
 ) -> Wander:
     """Noise of readings y (n,) that wander, of which columns q (n, k) may be no noise.
 
@@ -50,18 +70,18 @@ def fit_wander(
     count = max(len(y) - q.shape[1], 1)
 
     def cost(z: Floats | tuple[float, float]) -> float:
-        noise = _wandering(*z)
+        noise = _wandering(kernel, *z)
         d = _triangle(noise, both, segments)
         size = sum(noise.log_size(len(s)) for s in segments)
         return 2.0 * float(count * np.log(d[-1]) + np.sum(np.log(d[:-1])) + size)
 
-    first = start or min(product(np.log(SHARES), np.log(LENGTHS)), key=cost)
+    first = start or min(product(np.log(SHARES), np.log(kernel.lengths)), key=cost)
     simplex = first + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 0.5]])
     options: Any = {"maxfev": STEPS, "xatol": 0.1, "fatol": 0.1, "initial_simplex": simplex}
     from scipy.optimize import minimize  # takes 0.1 s to load
 
     share, length = minimize(cost, first, method="Nelder-Mead", options=options).x
-    noise = _wandering(share, length)
+    noise = _wandering(kernel, share, length)
     size = float(_triangle(noise, both, segments)[-1]) / count**0.5
     scaled = Autoregression(noise.predictors, tuple(size * s for s in noise.sizes))
     return Wander(scaled, (float(share), float(length)))
@@ -95,11 +115,12 @@ def price_of_wander(readings: int) -> float:
     return PARAMETERS * float(np.log(readings)) + UNNAMED_TERM_PENALTY
 
 
-def _wandering(log_share: float, log_length: float) -> Autoregression:
+def _wandering(kernel: Kernel, log_share: float, log_length: float) -> Autoregression:
     """Noise of size 1 with a wander."""
     share = np.exp(np.clip(log_share, -MAX_LOG, MAX_LOG))
-    length = np.exp(np.clip(log_length, np.log(MIN_LENGTH), MAX_LOG))
-    covariances = share * np.exp(-0.5 * (np.arange(ORDER + 1) / length) ** 2)
+    length = np.exp(np.clip(log_length, np.log(kernel.least), MAX_LOG))
+    distance = np.arange(ORDER + 1) / length
+    covariances = share * np.exp(-(distance**kernel.power) / kernel.power)
     covariances[0] += 1.0
     return of_covariances(covariances)
 

@@ -42,6 +42,7 @@ from trunnion.models.ballbar.effects import (
     setup_shift,
 )
 from trunnion.models.ballbar.machine import ThreeAxis, machine_of
+from trunnion.models.ballbar.noise import noise_of
 from trunnion.models.ballbar.path import AXES, Path, left_by
 from trunnion.models.ballbar.settings import BallbarSettings
 from trunnion.setup import Setup
@@ -375,6 +376,10 @@ class BallbarModel(Model):
         if self._used.feed_mm_min is not None:
             parts.append(np.asarray(self._used.feed_mm_min))
         return repeats(parts)
+
+    def whitener(self, residuals: Floats) -> Callable[[Floats], Floats]:
+        """Noise with a memory within each run, if it has one (:mod:`.noise`)."""
+        return noise_of(self, residuals)
 
     def _senses(self) -> Floats:
         if self._used.sense is not None:
