@@ -66,6 +66,9 @@ class Channel:
         Whether its noise is taken as white, for nothing is known of its memory: ``growth`` counts.
     memory:
         Of such noise, readings that may count as one: what has a longer memory is no such noise.
+    neighbours:
+        Places on either side of one that is taken, of which columns are taken as well: the true
+        one is between them.
     """
 
     rows: IntArray
@@ -76,6 +79,7 @@ class Channel:
     growth: float = 1.0
     white: bool = False
     memory: float = np.inf
+    neighbours: int = 0
 
     def noisy(self, residuals: Array) -> Array:
         """Residuals (n,) with white noise of the same size in place of what rounding makes."""
@@ -471,8 +475,10 @@ def _taken(
             if gains[best] < price:
                 continue
             paid += price
-        own = _basis(every[best] - q @ (q.T @ every[best]))
-        taken = np.concatenate([taken, places[best]], axis=1)
+        some = slice(max(best - channel.neighbours, 0), best + channel.neighbours + 1)
+        near = np.concatenate([*every[some]], axis=1)
+        own = _basis(near - q @ (q.T @ near))
+        taken = np.concatenate([taken, *places[some]], axis=1)
         q = np.concatenate([q, own], axis=1)
         left = left - own @ (own.T @ left)
     return taken, paid

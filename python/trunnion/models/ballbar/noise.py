@@ -221,4 +221,4 @@ def _channel(model: BallbarModel, *, sought: bool) -> Channel:
             fixed += [columns[0]] if effect.linear else []
             places += [] if effect.linear else [columns]
     every = np.concatenate(fixed, axis=1)
-    return Channel(np.arange(len(every)), every, tuple(places))
+    return Channel(np.arange(len(every)), every, tuple(places), neighbours=1)
