@@ -57,34 +57,6 @@ def grown_from_its_bearing(data: tn.Positioning, rng: np.random.Generator) -> np
     return np.asarray(11.5 * along_m * warm_k * -np.expm1(-part))
 
 
-def in_each_cycle(data: tn.Positioning, rng: np.random.Generator, size: float) -> np.ndarray:
-    """A size of its own in each cycle, of each stop: the axis was homed before it."""
-    number = np.unique(data.cycle, return_inverse=True)[1]
-    return np.asarray(rng.normal(0.0, size, number.max() + 1)[number])
-
-
-def switched_between_cycles(data: tn.Positioning, rng: np.random.Generator) -> np.ndarray:
-    """Temperature compensation of a control, switched before a cycle: about its reference point."""
-    ppm, reference = rng.choice([-1, 1]) * rng.uniform(8, 30), rng.uniform(-100.0, 600.0)
-    on = data.cycle >= rng.integers(2, int(data.cycle.max()) + 1)
-    return np.asarray(np.where(on, 1e-3 * ppm * (data.target - reference), 0.0))
-
-
-def nut_that_warms(data: tn.Positioning, rng: np.random.Generator) -> np.ndarray:
-    """Backlash that goes as the nut gets warm, less what it has in the end."""
-    left = np.exp(-np.arange(len(data)) / len(data) / rng.uniform(0.3, 1.0))
-    return np.asarray(rng.uniform(2, 4) * data.direction * (left - left.mean()))
-
-
-def heat_in_between(data: tn.Positioning, rng: np.random.Generator) -> np.ndarray:
-    """A hall that gets warmer while doors are open, the screw from its bearing: a half cosine."""
-    part = np.arange(len(data)) / len(data)
-    begins, takes = rng.uniform(0.1, 0.35), rng.uniform(0.3, 0.5)
-    share = (1 - np.cos(np.pi * np.clip((part - begins) / takes, 0, 1))) / 2
-    along_m = 1e-3 * (data.target - rng.choice([-60.0, 560.0]))
-    return np.asarray(rng.choice([-1, 1]) * 11.5 * along_m * rng.uniform(0.8, 2.0) * share)
-
-
 HIDDEN: dict[str, Callable[[tn.Positioning, np.random.Generator], np.ndarray]] = {
     "scale": lambda d, rng: 1e-3 * rng.uniform(10, 30) * (d.target - 250),
     "reversal": lambda d, rng: rng.uniform(1, 4) * d.direction,
@@ -100,10 +72,6 @@ HIDDEN: dict[str, Callable[[tn.Positioning, np.random.Generator], np.ndarray]] =
         rng.uniform(2, 8) * (1 - np.exp(-np.arange(len(d)) / len(d) / rng.uniform(0.1, 0.6)))
     ),
     "screw_warmup": grown_from_its_bearing,
-    "scale_change": heat_in_between,
-    "zero_of_cycle": lambda d, rng: in_each_cycle(d, rng, 2.0),
-    "scale_of_cycle": switched_between_cycles,
-    "reversal_of_cycle": nut_that_warms,
     "periodic": lambda d, rng: (
         rng.uniform(1, 4)
         * np.sin(2 * np.pi * d.target / rng.uniform(110, 160) + rng.uniform(0, 6.28))

@@ -1,10 +1,13 @@
 """A jump in the readings is where it is, and not at a place of a grid: nothing is named for it."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import trunnion as tn
 from positioning_twin import axis
+from trunnion.diagnosis import terms
 
 COUNT = 500  # readings in each sense: ten between two places of the scan
 STEP_UM = 3.0
@@ -85,3 +88,18 @@ def test_what_a_formula_changes_is_said_of_every_reading() -> None:
     assert d.structure.effect.jacobian(data, d.structure.parameters).shape == (len(data), 1)
     after = data["time_s"] > 78.3
     assert np.abs(change - STEP_UM * after).max() < 0.1
+
+
+def test_two_causes_that_begin_at_moments_share_a_jump(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A jump that may be there instead of either was listed twice, and the search failed."""
+    places = iter([[(7, 3.0)], [(7, 2.0), (8, 1.0)]])
+    monkeypatch.setattr(terms, "moments_of", lambda *_: ["t0_s"])
+    monkeypatch.setattr(terms, "without_one", lambda *_: (None, None))
+    case = SimpleNamespace(
+        effects=[SimpleNamespace(id="one"), SimpleNamespace(id="two")],
+        columns_of=lambda *_: [0],
+        dictionary=SimpleNamespace(best_jumps=lambda *_: next(places)),
+    )
+    fit = SimpleNamespace(effects={"one": {}, "two": {}}, jacobian=np.ones((3, 1)))
+    found = terms.jumps_instead(case, fit)  # type: ignore[arg-type]
+    assert found == [terms.Competing(7, (2.0, 3.0)), terms.Competing(8, (1.0,))]

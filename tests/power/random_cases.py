@@ -37,7 +37,6 @@ from twin.generator import measure, random_errors, random_placement
 
 Rng = np.random.Generator
 Left = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-NOT_ALIKE_SHARE = 0.15  # of positioning runs, whose cycles are not alike
 UNKNOWN_SHARE = 1 / 8
 COUNTS = (0.25, 0.35, 0.25, 0.15)  # of no cause, one, two, three
 BATCH = 20
@@ -180,9 +179,8 @@ def hybrid_ballbar(rng: Rng, number: int) -> Drawn:
 
 
 def positioning(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
-    """Stops of an axis, 11 or 15 targets, 3 to 5 cycles; in some runs these are not alike."""
-    apart = ("scale_change", "zero_of_cycle", "scale_of_cycle", "reversal_of_cycle")
-    hidden = _some(rng, tuple(n for n in positioning_twin.HIDDEN if n not in {"unknown", *apart}))
+    """Stops of an axis, 11 or 15 targets, 3 to 5 cycles."""
+    hidden = _some(rng, tuple(n for n in positioning_twin.HIDDEN if n != "unknown"))
     unknown = bool(rng.random() < UNKNOWN_SHARE)
     data = positioning_twin.axis(
         rng, targets=int(rng.choice([11, 15])), cycles=int(rng.integers(3, 6))
@@ -190,9 +188,6 @@ def positioning(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
     change = np.zeros(len(data))
     for name in [*hidden, "unknown"] if unknown else hidden:
         change += size_of(rng, 0.5, 3.0) * positioning_twin.HIDDEN[name](data, rng)
-    if rng.random() < NOT_ALIKE_SHARE:
-        hidden = (*hidden, str(rng.choice(apart)))
-        change += positioning_twin.HIDDEN[hidden[-1]](data, rng)
     data = data.with_columns(measured_mm=data.measured + 1e-3 * change)
     return Drawn(data, None, frozenset(hidden), unknown)
 

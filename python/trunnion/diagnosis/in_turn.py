@@ -9,7 +9,6 @@ white noise: the likelihood of all readings, what either costs paid for, says wh
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from itertools import product
 
 import numpy as np
@@ -32,16 +31,7 @@ TINY = 1e-300
 
 
 class ReadInTurn(LinearModel):
-    """Readings one after the other, which may wander as no cause does.
-
-    Attributes
-    ----------
-    near_any:
-        Effects of so many functions of time that they make much of any wander: it is sought beside
-        all others.
-    """
-
-    near_any: frozenset[str] = frozenset()
+    """Readings one after the other, which may wander as no cause does."""
 
     def correlated(
         self,
@@ -52,15 +42,13 @@ class ReadInTurn(LinearModel):
         structure: Floats,  # noqa: ARG002
     ) -> Correlated | None:
         """Noise of readings that wander, if they do: whatever causes and structure are found."""
-        return wander_in_turn(self, nuisance, used, self.near_any)
+        return wander_in_turn(self, nuisance, used)
 
 
-def wander_in_turn(
-    model: Model, nuisance: Floats, used: Integers, near_any: Collection[str] = ()
-) -> Correlated | None:
+def wander_in_turn(model: Model, nuisance: Floats, used: Integers) -> Correlated | None:
     """Noise of readings that wander, each component by itself; None: they do not.
 
-    ``used``: readings that are no outliers; ``near_any``: effects that a wander is not beside.
+    ``used``: readings that are no outliers.
     """
     when = next((c for c in model.covariates if c.sequence), None)
     labels = model.replicates
@@ -72,7 +60,7 @@ def wander_in_turn(
     for name, enters in model.components.items():
         rows = np.flatnonzero(enters)
         mine = np.intersect1d(rows, used)
-        functions = _functions(model, nuisance, labels, near_any)[mine]
+        functions = _functions(model, nuisance, labels)[mine]
         values = np.asarray(model.readings.values)[mine, None]
         process = Process.of(time[mine], values, functions, walks=True)
         if process is None:
@@ -122,17 +110,14 @@ def _said(name: str, process: Process, when: Covariate, model: Model) -> str:
     )
 
 
-def _functions(
-    model: Model, nuisance: Floats, labels: Integers, near_any: Collection[str]
-) -> Floats:
+def _functions(model: Model, nuisance: Floats, labels: Integers) -> Floats:
     """Columns (n, k) of what is always fitted, of what repeats, and of what causes make beside."""
     alone = labels < 0
     number = np.where(alone, np.cumsum(alone) + labels.max(), labels)
     repeats = np.eye(int(number.max()) + 1)[number]
     every = np.concatenate([model.jacobian(nuisance, {}), repeats], axis=1)
     taken = repeats / np.maximum(np.linalg.norm(repeats, axis=0), 1.0)
-    some = (effect for effect in model.effects if effect.id not in near_any)
-    made = (_family(model, nuisance, effect, taken) for effect in some)
+    made = (_family(model, nuisance, effect, taken) for effect in model.effects)
     return np.concatenate([every, *made], axis=1)
 
 

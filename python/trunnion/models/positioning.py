@@ -34,9 +34,8 @@ from trunnion.diagnosis.model import FINEST_NOISE, Covariate, Model, Nuisance, R
 from trunnion.diagnosis.own_effects import with_own
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
-from trunnion.models.breaks import zero_shift
-from trunnion.models.positioning_breaks import OF_CYCLES, after_break, apart, of_cycles
-from trunnion.models.warming import gradual, warmup
+from trunnion.models.breaks import break_of, restart_of, zero_shift
+from trunnion.models.warming import warmup
 
 LINEAR, ROTARY = ("x", "y", "z"), ("a", "b", "c")
 OF_LINEAR = {
@@ -115,8 +114,6 @@ class PositioningModel(ReadInTurn):
         Fewer than three targets.
     """
 
-    near_any = frozenset(("scale_change", *OF_CYCLES))
-
     def __init__(self, data: Positioning, effects: Sequence[EffectLike | str] = ()) -> None:
         self._seen_elsewhere = False
         targets, index = data.stops
@@ -125,7 +122,7 @@ class PositioningModel(ReadInTurn):
         n = len(data)
         self._given = tuple(effects)
         unit = "arcsec" if data.rotary else "um"
-        after = after_break(data)
+        after = _after_break(data)
         stops = data.direction * 1e6 + index
         super().__init__(
             data=data,
@@ -256,8 +253,7 @@ class ExtendedPositioning(Estimate):
     offset: float
 
 
-BETWEEN = ("scale_change", "zero_shift", *OF_CYCLES)
-OF_TIME = ("cycle_drift", "drift", "warmup", "screw_warmup", *BETWEEN, "expansion")
+OF_TIME = ("cycle_drift", "drift", "warmup", "screw_warmup", "zero_shift", "expansion")
 IDS = (
     "scale",
     "reversal",
@@ -269,7 +265,7 @@ IDS = (
     "drift",
     "warmup",
     "screw_warmup",
-    *BETWEEN,
+    "zero_shift",
     "expansion",
     "curve",
 )
@@ -293,16 +289,14 @@ def _covariates(data: Positioning) -> tuple[Covariate, ...]:
 
 
 def _folds(data: Positioning, after: Flags) -> Integers:
-    """What is predicted together: a pass from the others; of one cycle each stop.
+    """What is predicted together: a cycle from the others; of one cycle each stop.
 
-    A pass, as what a cycle has of its own is seen in its other one. after: Stops after a break,
-    which are predicted from such, and so are those before it.
+    after: Stops after a break, which are predicted from such, and so are those before it.
     """
-    cycle, sense = np.asarray(data.cycle), np.asarray(data.direction) > 0
-    out = np.arange(len(data))
+    cycle, out = np.asarray(data.cycle), np.arange(len(data))
     for part in (after, ~after):
-        if len(np.unique(cycle[part])) > 1:
-            number = np.unique(2 * cycle[part] + sense[part], return_inverse=True)[1]
+        cycles, number = np.unique(cycle[part], return_inverse=True)
+        if len(cycles) > 1:
             out[part] = np.flatnonzero(part)[np.unique(number, return_index=True)[1]][number]
     return np.asarray(np.unique(out, return_inverse=True)[1], dtype=np.intp)
 
@@ -338,14 +332,8 @@ def _catalogue(data: Positioning, unit: str, after: Flags) -> list[Effect]:
         out.append(
             linear("cycle_drift", [f"rate_{unit}_cycle"], cycles, "drift from cycle to cycle")
         )
-    lasts = not np.any(after)  # else a screw has cooled in between
-    out += _of_time(data, unit, lasts)
-    if lasts:
-        # Without times a steady drift looks like another reversal in each cycle.
-        sides = _seconds(data) is not None and len(both) >= MIN_BOTH_SIDES
-        place = None if data.rotary else data.target
-        out += of_cycles(data, unit, place, d / 2 if sides else None)
-    else:
+    out += _of_time(data, unit)
+    if np.any(after):
         out.append(zero_shift("", after.astype(float)[:, None], f"d_{unit}"))
     if data.temperature_c is not None and np.ptp(data.temperature_c) > 0:
         out.append(_expansion(data, 1e-6 * size))
@@ -356,7 +344,7 @@ def _catalogue(data: Positioning, unit: str, after: Flags) -> list[Effect]:
         beside = _beside(each, line)[:, 1:-1]
         label = "repeatable curve of deviations without a name"
         out.append(linear("curve", _places(nodes[1:-1], suffix, unit), beside, label))
-    return apart(out)
+    return out
 
 
 def _nodes(targets: Floats) -> Floats:
@@ -461,7 +449,18 @@ def _seconds(data: Positioning) -> Floats | None:
     return elapsed_s(data.time_s)
 
 
-def _of_time(data: Positioning, unit: str, lasts: bool) -> list[Effect]:
+def _after_break(data: Positioning) -> Flags:
+    """Which stops come after the run was begun again, else after a break; none: in one go."""
+    cycle, time_s, order = np.asarray(data.cycle), data.time_s, data.in_time
+    stop = 2 * data.stops[1] + (data.direction > 0)
+    again = restart_of(cycle[order], stop[order])
+    if again is not None:
+        return np.asarray(np.isin(np.arange(len(data)), order[again:]))
+    t0_s = None if time_s is None else break_of(time_s, cycle)
+    return np.zeros(len(data), dtype=bool) if t0_s is None else np.asarray(time_s) > t0_s
+
+
+def _of_time(data: Positioning, unit: str) -> list[Effect]:
     seconds = _seconds(data)
     if seconds is None:
         return []
@@ -475,10 +474,6 @@ def _of_time(data: Positioning, unit: str, lasts: bool) -> list[Effect]:
         from_middle = 1e-3 * (data.target - data.target.mean())
         enters, label = np.stack([from_middle, ones], axis=1), "warm-up of the screw, which grows"
         out.append(warmup("screw_warmup", ["ppm", size], seconds / 60.0, enters, label))
-        if lasts:
-            label = "scale of the axis, changing in the course of the run"
-            sizes = ["d_ppm", f"d_{unit}"]
-            out.append(gradual("scale_change", sizes, seconds / 60.0, enters, label))
     return out
 
 
