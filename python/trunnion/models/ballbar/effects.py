@@ -50,6 +50,7 @@ MIN_REACH = 1e-3
 """Share of the bar along an axis, from which it shows the centre there."""
 MIN_PITCH_MM = 4.0
 MAX_MOMENTS = 48
+BESIDE_SLIP = 32  # one of so many readings is before a slip, and one after it
 DECAY_RATIO = 1.6  # of neighbours on the grid of decays
 LONGEST_DECAY = 0.6  # of the time between two reversals
 CLOSE = 3  # readings after a reversal whose spacing is looked at
@@ -124,11 +125,14 @@ def setup_shift(
     ``axes``: along which the bar shows it.
     """
     between = between_readings(when)
+    # a few readings at an end that are off are bad ones: they do not say where the ball was
+    few = len(between) // BESIDE_SLIP
+    between = between[few : len(between) - few]
     if len(between) < 2:
         return []
     grid = tuple(map(float, between[:: max(1, len(between) // MAX_MOMENTS)]))
     shape = Slip(name, when, group, -bar.direction[:, list(axes)])
-    ends = float(np.min(when)), float(np.max(when))
+    ends = float(between[0]), float(between[-1])
     return [
         gridded(
             SHIFT,
