@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -23,14 +24,14 @@ MIN_RADIUS = 1e-6  # mm
 TURN_DEG = 360.0
 
 
-def displaced_rows(data: Table) -> str:
+def displaced_rows(data: Any) -> str:
     """Say which readings belong to other rows; empty: all are near their own, or nothing is known.
 
     Of data whose readings are places near nominal ones, and of targets on a rotary axis.
     """
     if isinstance(data, Sweep):
         return _on_axis(data)
-    nominal = nominal_readings(data)
+    nominal = nominal_readings(data) if isinstance(data, Table) else {}
     if len(nominal) < 2:  # a length is the same in many rows
         return ""
     expected = np.stack([np.asarray(x, dtype=np.float64) for x in nominal.values()], axis=1)

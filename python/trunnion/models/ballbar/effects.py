@@ -125,14 +125,14 @@ def setup_shift(
     ``axes``: along which the bar shows it.
     """
     between = between_readings(when)
-    # a few readings at an end that are off are bad ones: they do not say where the ball was
-    few = len(between) // BESIDE_SLIP
-    between = between[few : len(between) - few]
     if len(between) < 2:
         return []
-    grid = tuple(map(float, between[:: max(1, len(between) // MAX_MOMENTS)]))
+    # a few readings at an end that are off are bad ones: they do not say where the ball was
+    few = len(between) // BESIDE_SLIP
+    ends = float(between[few]), float(between[-1 - few])
+    every = map(float, between[:: max(1, len(between) // MAX_MOMENTS)])
+    grid = tuple(t for t in every if ends[0] <= t <= ends[1])
     shape = Slip(name, when, group, -bar.direction[:, list(axes)])
-    ends = float(between[0]), float(between[-1])
     return [
         gridded(
             SHIFT,
