@@ -267,7 +267,7 @@ def test_signs_of_a_turned_level_that_were_changed_already_are_asked_about(
 
 def test_a_run_from_one_direction_is_refused_with_what_is_missing() -> None:
     data, _ = run(1)
-    with pytest.raises(tn.DataError, match="in every row, expected stops from both directions"):
+    with pytest.raises(tn.DataError, match="in every row, expected stops with direction"):
         data[np.array(data.direction) > 0].iso230_2()
 
 

@@ -250,7 +250,8 @@ def test_the_lathe_bed(name: str, twist: float) -> None:
     found = tn.diagnose(data)
     assert any("twist" in a for a in found.alternatives)
     assert any("not turned" in note for note in found.notes)
-    assert any(f"{data.twist().twist_um_m_m:.4g} µm/m per m" in note for note in found.notes)
+    said = f"{data.twist().twist_um_m_m:.1f} ± ".replace("-", "−")
+    assert any(said in note and "µm/m per m" in note for note in found.notes)
 
 
 def granite() -> tn.Levels:

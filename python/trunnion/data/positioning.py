@@ -211,9 +211,9 @@ class Positioning(Table):
         senses = np.unique(self.direction).tolist()
         if len(senses) == 1:
             raise DataError(
-                f"direction: got {senses[0]:+d} in every row, expected stops from both directions: "
-                "reversal and the figures of both directions need them, and those of one direction "
-                "alone are not given"
+                f"direction: got {senses[0]:+d} in every row, expected stops with direction "
+                f"{-senses[0]:+d}, too: reversal and the figures of both directions need them, and "
+                "those of one direction alone are not given"
             )
         found: dict[int, list[Floats]] = {}
         for sense in (1, -1):
