@@ -1,6 +1,7 @@
 """A jump in the readings is where it is, and not at a place of a grid: nothing is named for it."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -95,11 +96,11 @@ def test_two_causes_that_begin_at_moments_share_a_jump(monkeypatch: pytest.Monke
     places = iter([[(7, 3.0)], [(7, 2.0), (8, 1.0)]])
     monkeypatch.setattr(terms, "moments_of", lambda *_: ["t0_s"])
     monkeypatch.setattr(terms, "without_one", lambda *_: (None, None))
-    case = SimpleNamespace(
+    case: Any = SimpleNamespace(
         effects=[SimpleNamespace(id="one"), SimpleNamespace(id="two")],
         columns_of=lambda *_: [0],
         dictionary=SimpleNamespace(best_jumps=lambda *_: next(places)),
     )
-    fit = SimpleNamespace(effects={"one": {}, "two": {}}, jacobian=np.ones((3, 1)))
-    found = terms.jumps_instead(case, fit)  # type: ignore[arg-type]
+    fit: Any = SimpleNamespace(effects={"one": {}, "two": {}}, jacobian=np.ones((3, 1)))
+    found = terms.jumps_instead(case, fit)
     assert found == [terms.Competing(7, (2.0, 3.0)), terms.Competing(8, (1.0,))]

@@ -33,6 +33,7 @@ QUICK_ROWS = 1 << 10
 FACTORED_ROWS = 1024  # of these at a time: they stay in the processor's cache
 MAX_SQUARE = 1e6  # condition of inner products, up to which these will do
 EPS = float(np.finfo(np.float64).eps)
+NORMAL_MEDIAN = 0.6745  # median size of a normal variable of unit variance
 WELL_CONDITIONED = 1e-3  # least singular value of unit columns whose basis is made orthogonal once
 
 

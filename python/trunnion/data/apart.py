@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from trunnion.base.statistics import NORMAL_MEDIAN
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.files.origin import places
 from trunnion.files.table import Table
@@ -14,7 +15,6 @@ MAX_SHARE = 0.1
 """Of the rows, that are taken for no readings: more are a part of the measurement."""
 FAR = 20.0
 """Median distances from the median, from which on a reading is far from all others."""
-SIGMAS_OF_MEDIAN = 1.4826
 FAR_STOP = 30.0
 """Spreads of repeated stops (1 sigma), from which on a stop is far from the others."""
 MAX_SHOWN = 3
@@ -60,14 +60,13 @@ def far_repeats(values: Floats, repeats: Integers, least: float) -> Flags:
 
     repeats: Number of the place and way of each. least: Below this the spread is not.
     """
-    far = np.zeros(len(values), dtype=bool)
     off = np.zeros(len(values))
     for number in np.unique(repeats):
         mine = repeats == number
         off[mine] = values[mine] - np.median(values[mine])
     usual = np.abs(off[off != 0.0])  # the median of an odd number is one of them
     if not len(usual):
-        return far
-    spread = max(SIGMAS_OF_MEDIAN * float(np.median(usual)), least)
+        return np.zeros(len(values), dtype=bool)
+    spread = max(float(np.median(usual)) / NORMAL_MEDIAN, least)
     far = np.abs(off) > FAR_STOP * spread
     return far if far.sum() <= MAX_SHARE * len(values) else np.zeros_like(far)

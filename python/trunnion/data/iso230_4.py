@@ -31,6 +31,7 @@ from trunnion.base.errors import DataError
 from trunnion.base.recognition import displayed
 from trunnion.base.repeats import shared_variance
 from trunnion.base.report import Cell, Result, Table, measured
+from trunnion.base.statistics import NORMAL_MEDIAN
 from trunnion.base.units import Floats, Integers
 from trunnion.data.ballbar import Ballbar
 from trunnion.data.circles import MIN_POINTS, ROUND_MM, Circle, check_sense
@@ -41,7 +42,6 @@ DRAWS, SEED = 200, 1
 MAX_DRAWN = 500_000  # readings in all draws
 WINDOW = 15  # readings of the running median
 STRUCTURE = 4.0  # standard deviations from the median, from which a reading is no noise
-NORMAL_MEDIAN = 0.6745  # median size of a normal variable of unit variance
 SHRINKS = 14
 FIGURES = {
     "circular_ccw_um": "circular deviation G, counter-clockwise",

@@ -15,6 +15,7 @@ import numpy as np
 from scipy import special
 
 from trunnion.base.rows import at_hand
+from trunnion.base.statistics import NORMAL_MEDIAN
 from trunnion.base.units import Flags, Floats, Integers
 
 Sizes: TypeAlias = Callable[[Floats, Floats, float], Floats]
@@ -49,7 +50,7 @@ def robust_sizes(basis: Floats, values: Floats, floor: float = 0.0) -> Floats:
     n, p = basis.shape
     r = _left(basis, values, np.ones(n))
     for _ in range(25):
-        scale = max(_median(np.abs(r)) / 0.6745, floor)
+        scale = max(_median(np.abs(r)) / NORMAL_MEDIAN, floor)
         if scale <= 0:
             break
         r_new = _left(basis, values, 1.0 / np.maximum(np.abs(r), 0.05 * scale))
@@ -58,7 +59,7 @@ def robust_sizes(basis: Floats, values: Floats, floor: float = 0.0) -> Floats:
         if done:
             break
     # p of the n absolute residuals vanish in this fit
-    scale = max(_median(np.sort(np.abs(r))[p:]) / 0.6745, floor)
+    scale = max(_median(np.sort(np.abs(r))[p:]) / NORMAL_MEDIAN, floor)
     for _ in range(10):
         if scale <= 0:
             return np.abs(r)
@@ -144,7 +145,7 @@ def far_out_beside(
     sizes = sizes or (lambda of: of(basis, values, floor))
     leverage = np.einsum("ij,ij->i", basis, basis)
     size = np.abs(values) / np.sqrt(np.maximum(1 - leverage, MIN_FREE))
-    typical = max(np.median(size) / 0.6745, floor)
+    typical = max(np.median(size) / NORMAL_MEDIAN, floor)
     if n - p < MIN_DOF or typical <= 0 or size.max() < FAR * typical:
         return np.zeros(0, dtype=np.intp)
     far = far_out(sizes(robust_sizes), n - p, floor, level)
@@ -206,7 +207,7 @@ def _groups(ordered: Floats, floor: float, level: float) -> Iterator[_Group]:
     others = n - count
     mad = 0.5 * (ordered[count + (others - 1) // 2] + ordered[count + others // 2])
     mad = np.maximum(mad, 0.6745 * floor)
-    far = (mad > 0) & (ordered[count - 1] >= 3.5 * mad / 0.6745)
+    far = (mad > 0) & (ordered[count - 1] >= 3.5 * mad / NORMAL_MEDIAN)
     count, mad = count[far], mad[far]
     about = np.array(list(accumulate(mad.tolist(), _same_scale)))
     beyond, tail = (_log_tail(ordered[at, None] / mad[:, None] * _MAD) for at in (count, count - 1))

@@ -6,7 +6,7 @@ meets the same few blocks of a measurement in many sets: what they leave is work
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -37,8 +37,8 @@ class Reach:
 
     def that_matter(self, blocks: Sequence[int], candidate: int) -> _Blocks:
         """Those of some blocks that change what a candidate gains beside them, in order."""
-        some = (own for own, touched in self._parts(blocks) if touched >> candidate & 1)
-        return tuple(sorted(b for own in some for b in own))
+        parts = self._parts(blocks)
+        return _joined(own for own, touched in parts if touched >> candidate & 1)
 
     def gains_beside(self, blocks: Sequence[int], further: range) -> tuple[float, Floats]:
         """What a set leaves (RSS), and by how much less each of further blocks beside it would."""
@@ -49,7 +49,10 @@ class Reach:
             beside += self._flags(touched).astype(np.int64) << i
         starts = np.flatnonzero(np.diff(beside[first : last + 1], prepend=-1)) + first
         begun = [*starts.tolist(), last + 1]
-        own = {bits: _among(parts, bits) for bits in dict.fromkeys(beside[starts].tolist())}
+        own = {
+            bits: _joined(some for i, (some, _) in enumerate(parts) if bits >> i & 1)
+            for bits in dict.fromkeys(beside[starts].tolist())
+        }
         gains = []
         for bits, j, end in zip(beside[starts].tolist(), begun, begun[1:], strict=False):
             some = range(max(further.start, self._first[j]), min(further.stop, self._first[end]))
@@ -128,7 +131,6 @@ class Reach:
         return np.unpackbits(of_bytes, bitorder="little", count=self._c.count).astype(bool)
 
 
-def _among(parts: Sequence[tuple[_Blocks, int]], bits: int) -> _Blocks:
-    """Blocks of some parts, by their bits, in order."""
-    some = (own for i, (own, _) in enumerate(parts) if bits >> i & 1)
-    return tuple(sorted(b for own in some for b in own))
+def _joined(parts: Iterable[_Blocks]) -> _Blocks:
+    """Blocks of some parts, in order."""
+    return tuple(sorted(b for part in parts for b in part))

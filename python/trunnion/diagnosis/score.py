@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from trunnion.base.errors import InputError
-from trunnion.base.statistics import linear_fit
+from trunnion.base.statistics import NORMAL_MEDIAN, linear_fit
 from trunnion.base.units import Floats
 from trunnion.diagnosis import outliers
 from trunnion.diagnosis.effect import EffectValues, Values
@@ -89,7 +89,7 @@ def _anew(model: Model, known: Mapping[str, float], effects: EffectValues) -> Fl
             values[e.id][e.parameters[i].name] += float(m)
         r = y - model.predict(at, values)
         w = np.abs(np.asarray(whiten(r)))
-        typical = np.median(w) / 0.6745
+        typical = np.median(w) / NORMAL_MEDIAN
         weight = 1.0 / np.maximum(1.0, w / max(3.0 * typical, 1e-300)) ** 2
         if step > 2 and np.max(np.abs(root**2 - weight)) < 1e-3:
             break

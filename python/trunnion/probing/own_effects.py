@@ -14,7 +14,7 @@ import numpy as np
 
 from trunnion._core import Moves
 from trunnion.base.errors import DataError
-from trunnion.base.statistics import LinearFit, linear_fit
+from trunnion.base.statistics import NORMAL_MEDIAN, LinearFit, linear_fit
 from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import UserEffect, own_call, own_numbers
@@ -24,8 +24,6 @@ from trunnion.probing.model import TouchModel, rounding_um
 CLOSE_UM = 1e-6
 """A step that moves no reading further ends the search."""
 MAX_HALVINGS = 12
-MEDIAN_SIGMAS = 0.6745
-"""Median absolute deviation of a normal law in standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -218,5 +216,5 @@ def _weights(left: Floats, knee: float | None) -> Floats:
     if knee is None:
         return np.ones(len(left))
     size = np.abs(left)
-    limit = knee * float(np.sort(size)[len(size) // 2]) / MEDIAN_SIGMAS
+    limit = knee * float(np.sort(size)[len(size) // 2]) / NORMAL_MEDIAN
     return np.where(size <= limit, 1.0, limit / np.maximum(size, 1e-300))

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from trunnion.base.report import rough
+from trunnion.base.statistics import NORMAL_MEDIAN
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis import outliers
 from trunnion.diagnosis.neighbours import MIN_FREE, Process, orthonormal
@@ -58,7 +59,7 @@ def unlike_neighbours(places: Floats, left: Floats) -> Integers:
         return np.zeros(0, dtype=np.intp)
     near = np.asarray(cKDTree(places).query(places, k=NEIGHBOURS + 1)[1])[:, 1:]
     off = np.abs(left - np.median(left[near], axis=1))
-    typical = np.median(off, axis=0) / 0.6745
+    typical = np.median(off, axis=0) / NORMAL_MEDIAN
     seen = np.flatnonzero(typical > 0)
     far = [outliers.far_out(off[:, i] / typical[i], len(off)) for i in seen]
     return np.unique(np.concatenate([np.zeros(0, dtype=np.intp), *far]))
