@@ -57,13 +57,32 @@ def test_a_set_is_known_at_all_places_of_its_causes(seed: int, blocks: tuple[int
     (s, r), found = _search(seed), 0
     several = [b for b in blocks if s.owner.count(s.owner[b]) > 1]
     at = {(s.owner.index(s.owner[b]), b - s.owner.index(s.owner[b])): b for b in several}
-    for variant, rss in s.reach.at_variants(blocks):
-        first = next(i for i, v in at if v == variant and len(rss) == s.owner.count(s.owner[i]))
-        rest = [b for b in blocks if s.owner[b] != s.owner[first]]
-        made = [_left(s, (*rest, first + v), r) for v in range(len(rss))]
-        np.testing.assert_allclose(rss, made, atol=1e-9)
-        found += 1
+    for one in s.reach.at_variants(blocks):
+        each = np.split(one.rss, np.cumsum(one.count)[:-1])
+        for variant, rss in zip(one.at.tolist(), each, strict=True):
+            first = next(i for i, v in at if v == variant and len(rss) == s.owner.count(s.owner[i]))
+            rest = [b for b in blocks if s.owner[b] != s.owner[first]]
+            made = [_left(s, (*rest, first + v), r) for v in range(len(rss))]
+            np.testing.assert_allclose(rss, made, atol=1e-9)
+            found += 1
     assert found == len(several)
+
+
+@pytest.mark.parametrize(
+    ("blocks", "parts"),
+    [
+        ((), []),
+        ((4, 0), [(0,), (4,)]),
+        ((0, 2, 4, 7), [(0, 2), (4, 7)]),
+        ((9, 1, 4), [(1,), (4, 9)]),
+        ((12, 0, 4), [(0, 4, 12)]),  # one that both see
+    ],
+)
+def test_parts_of_a_set_are_those_of_each_measurement(
+    blocks: tuple[int, ...], parts: list[tuple[int, ...]]
+) -> None:
+    s, _ = _search(1)
+    assert sorted(own for own, _ in s.reach.parts(blocks)) == parts
 
 
 def test_of_a_set_only_blocks_of_the_same_measurement_matter() -> None:

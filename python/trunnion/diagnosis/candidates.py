@@ -34,6 +34,7 @@ from trunnion.diagnosis.columns import (
     storage,
     unit_blocks,
 )
+from trunnion.diagnosis.multiplied import multiplied
 
 # The same where the model is known to be incomplete (3 % of its length): or its gaps decide.
 DEPENDENT_INCOMPLETE = 1e-3
@@ -386,18 +387,16 @@ class Candidates:
             ([b for b in missing if b in known], self._parts[further:]),
             ([b for b in missing if b not in known], self._parts),
         ):
-            if some:
-                columns = [self.columns(b) for b in some]
-                rows = np.ascontiguousarray(products(parts, np.concatenate(columns).T).T)
-                ends = np.cumsum([len(x) for x in columns])
-                self._gram_rows |= dict(zip(some, np.split(rows, ends[:-1]), strict=True))
+            places = {b: self._place(b) for b in some}
+            self._gram_rows |= multiplied(parts, places, len(self._basis))
         for b in missing:
             if b in known:
                 self._gram_rows[b] = np.concatenate([known[b], self._gram_rows[b]], axis=1)
 
     def gram(self, blocks: Sequence[int]) -> Floats:
         """Inner products of the columns of blocks with each other, (K, K)."""
-        if len(self._basis) < MANY_ROWS:
+        known = all(b in self._gram_rows for b in blocks)
+        if not known and len(self._basis) < MANY_ROWS:
             return self._inner_products.gram(blocks, self.columns)
         self.prepare(blocks)
         every = np.concatenate([np.arange(self.width)[self.span(b)] for b in blocks])

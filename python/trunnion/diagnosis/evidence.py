@@ -54,6 +54,7 @@ WIDEST = np.array([len(SIZES)])  # how many of the sizes are in the range
 RANGES = 1 + np.rint((len(SIZES) - 1) * np.linspace(math.log(LEAST_RANGE, RANGE), 1, 5)).astype(int)
 FAR = 8.0  # standard errors: the likelihood of larger sizes is narrow beside the range
 NEGLIGIBLE = 14.0  # of -2 ln of the odds against the best set: less than 0.1 %
+AT_ONCE = 256  # sets
 TO_WEIGH = 20.0  # above the best score, to which sets are weighed
 
 
@@ -87,14 +88,16 @@ class Evidence:
         rough = {m: known[b] + s.more.get(m, 0.0) for m, b in near.items() if b in known}
         out: dict[int, float] = {}
         least = math.inf
-        for mask, value in sorted(rough.items(), key=lambda one: one[1]):
-            if value > least + NEGLIGIBLE:
-                break
-            blocks = near[mask]
-            if blocks not in of_variants:
-                of_variants[blocks] = self._of_variants(blocks)
-            out[mask] = value + of_variants[blocks]
-            least = min(least, out[mask])
+        ordered = sorted(rough.items(), key=lambda one: one[1])
+        while ordered and ordered[0][1] <= least + NEGLIGIBLE:
+            # The likeliest says how far; then many at once.
+            count = AT_ONCE if out else 1
+            some, ordered = ordered[:count], ordered[count:]
+            some = [(mask, value) for mask, value in some if value <= least + NEGLIGIBLE]
+            fresh = [near[mask] for mask, _ in some if near[mask] not in of_variants]
+            of_variants |= zip(fresh, self._of_variants(fresh).tolist(), strict=True)
+            out |= {mask: value + of_variants[near[mask]] for mask, value in some}
+            least = min(out.values())
         same = [mask for mask in s.alike if mask in out]
         if same:  # only what was assumed beforehand distinguishes them
             out |= dict.fromkeys(same, float(np.mean([out[mask] for mask in same])))
@@ -191,19 +194,29 @@ class Evidence:
             out = out + [s.contradicting(one, left, int(wide)) for one, left, wide in many]
         return np.asarray(out + _of_unknown_noise(c.dof, paid))
 
-    def _of_variants(self, blocks: Sequence[int]) -> float:
-        """What a set costs of which the nonlinear parameters may have any value of their grids."""
+    def _of_variants(self, sets: Sequence[tuple[int, ...]]) -> Floats:
+        """What sets cost of which the nonlinear parameters may have any value of their grids."""
         s, c = self.search, self.search.c
-        positive = bool(c.positive.intersection(c.owner[list(blocks)].tolist()))
-        out = 0.0
-        for b, rss in (self.supposed or s.reach).at_variants(blocks):
-            deviance = s.score.floor.deviance(np.maximum(rss, s.score.least), c.dof)
-            likely = np.exp((deviance[b] - deviance) / 2)
-            if positive:
-                # what explains more than the values that were found has a cause of the wrong sign
-                likely = np.where(likely > 1.0, 0.0, likely)
-            out -= 2 * math.log(max(float(likely.sum()) / len(likely), TINY))
-        return out
+        source = self.supposed or s.reach
+        c.prepare(b for blocks in sets for b in blocks)
+        found = [(i, one) for i, blocks in enumerate(sets) for one in source.at_variants(blocks)]
+        if not found:
+            return np.zeros(len(sets))
+        at, count, rss = (
+            np.concatenate(x) for x in zip(*((x.at, x.count, x.rss) for _, x in found), strict=True)
+        )
+        first = np.cumsum(count) - count
+        deviance = s.score.floor.deviance(np.maximum(rss, s.score.least), c.dof)
+        likely = np.exp((np.repeat(deviance[first + at], count) - deviance) / 2)
+        of = np.repeat([i for i, _ in found], [len(x.at) for _, x in found])
+        if c.positive:
+            positive = [not c.positive.isdisjoint(s.owner[b] for b in blocks) for blocks in sets]
+            # what explains more than the values that were found has a cause of the wrong sign
+            likely[np.repeat(np.array(positive)[of], count) & (likely > 1.0)] = 0.0
+        mean = np.add.reduceat(likely, first) / count
+        return np.asarray(
+            np.bincount(of, -2 * np.log(np.maximum(mean, TINY)), len(sets)), dtype=np.float64
+        )
 
 
 def log_odds_together(candidates: float, count: Floats | Integers | int) -> Floats:

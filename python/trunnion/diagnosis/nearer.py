@@ -9,13 +9,13 @@ wave beside a scale is sought beside the scale, or a curve takes the place of bo
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from trunnion.base.statistics import MANY_ROWS
-from trunnion.base.units import Floats, Integers
+from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.along import MIN_PLACES, Along, Beside, of_ratios
 from trunnion.diagnosis.candidates_of import with_places
 from trunnion.diagnosis.effect import Values
@@ -30,6 +30,7 @@ LARGE = 30.0  # of -2 ln L, a gain of which a grid may miss what decides between
 COMPANIES = 4  # best sets, beside whose causes places are sought
 MAX_ROUNDS = 3
 
+_Blocks = tuple[int, ...]
 _Places = tuple[tuple[float, ...], ...]  # candidate and place of each of some blocks
 _Key = tuple[_Places, tuple[float, ...]]  # beside which; the candidate, and about what places
 
@@ -73,6 +74,7 @@ def _beside_others(
     what is fitted beside no candidate. ``looked_at``: what is known of searches before.
     """
     c, scores, found = s.c, _of_further(case, s), dict[int, Values]()
+    beside = dict[_Places, Beside]()
     for rest, rss, known, near in _companies(s, few=len(case.plain.white) < MANY_ROWS):
         j = s.owner[near[0]]
         free = of_ratios(case.effects[j])
@@ -80,10 +82,12 @@ def _beside_others(
             continue
         seen = s.reach.that_matter(rest, j)
         about = [case.values[j][v][free.name] for v in c.variant[near].tolist()]
-        key = _places(case, c, seen), (j, *about)
-        if (along := looked_at.get(key)) is None:
-            along = Along.of(case, case.effects[j], free, _beside(alone, c, seen), about)
-            looked_at[key] = along
+        at = _places(case, c, seen)
+        if (along := looked_at.get((at, (j, *about)))) is None:
+            if at not in beside:
+                beside[at] = _beside(alone, c, seen)
+            along = Along.of(case, case.effects[j], free, beside[at], about)
+            looked_at[at, (j, *about)] = along
         together = [*rest, int(near[0])]
         size, penalty = int(c.rank[together].sum()), float(c.penalty[together].sum())
         worst = min(s.best + WITHIN, float(s.score(rss - known, size, penalty)) - LOST)
@@ -119,7 +123,34 @@ def _of_further(case: Case, s: Search) -> dict[int, float]:
     return scores
 
 
-def _companies(s: Search, *, few: bool) -> Iterator[tuple[tuple[int, ...], float, float, Integers]]:
+@dataclass(frozen=True, eq=False)
+class _Gains:
+    """What blocks gain beside some others: which may be in a set as good as those near the best.
+
+    rss: What the others leave. known: Gain of the best block of each candidate (c,). large: Whether
+    that is enough for what a grid may miss of it (c,). near: Blocks that may gain enough.
+    """
+
+    rss: float
+    known: Floats
+    large: Flags
+    near: Integers
+
+    @classmethod
+    def beside(cls, s: Search, others: Sequence[int], several: Flags) -> _Gains:
+        """Return those beside some blocks. several: Blocks whose candidate has several places."""
+        c, blocks = s.c, list(others)
+        rss, gains = s.reach.gains_beside(others, range(len(c.owner)))
+        most = gains + _above_neighbours(c.owner, gains)
+        size, penalty = c.rank[blocks].sum(), c.penalty[blocks].sum()
+        reached = s.score(rss - most, size + c.rank, penalty + c.penalty)
+        known = np.zeros(c.count)
+        np.maximum.at(known, c.owner, gains)
+        large = s.score(rss, 0, 0.0) - s.score(rss - known, 0, 0.0) > LARGE
+        return cls(rss, known, large, np.flatnonzero(several & (reached <= s.best + WITHIN)))
+
+
+def _companies(s: Search, *, few: bool) -> Iterator[tuple[_Blocks, float, float, Integers]]:
     """Blocks beside which a candidate may explain more, what they leave, its gain, and its blocks.
 
     Those about which it may gain enough; all of them, if it is in the set. Beside the best sets,
@@ -128,30 +159,37 @@ def _companies(s: Search, *, few: bool) -> Iterator[tuple[tuple[int, ...], float
     """
     c, seen = s.c, set[tuple[frozenset[int], int]]()
     several = np.bincount(c.owner, minlength=c.count)[c.owner] >= MIN_PLACES
-    known_beside = dict[tuple[int, ...], tuple[float, Floats]]()
-    left_out = ((f.blocks, (None, *f.blocks) if few else (None,)) for f in s.found[:COMPANIES])
-    without = ((blocks, k) for blocks, some in left_out for k in some)
-    for rest in dict.fromkeys(tuple(b for b in blocks if b != k) for blocks, k in without):
-        for one in (None, *(b for b in rest if several[b])):
+    known_beside = dict[_Blocks, _Gains]()
+    for rest, ones, touched in _left_out(s, few=few):
+        for one in (None, *(b for b in ones if several[b])):
             others = tuple(b for b in rest if b != one)
             if others not in known_beside:
-                known_beside[others] = s.reach.gains_beside(others, range(len(c.owner)))
-            rss, gains = known_beside[others]
-            size, penalty = c.rank[list(others)].sum(), c.penalty[list(others)].sum()
-            most = gains + _above_neighbours(c.owner, gains)
-            reached = s.score(rss - most, size + c.rank, penalty + c.penalty)
-            if few:
-                own = c.owner == (-1 if one is None else s.owner[one])
-                near = np.flatnonzero(several & ((reached <= s.best + WITHIN) | own))
-            else:
-                near = np.array([] if one is None else [one], dtype=np.intp)
+                known_beside[others] = _Gains.beside(s, others, several)
+            found = known_beside[others]
+            own = -1 if one is None else s.owner[one]
+            near = found.near if few else np.array([] if one is None else [one], dtype=np.intp)
             acting = {s.owner[b] for b in others}
-            for j in sorted({*c.owner[near].tolist()} - acting):
-                known = float(gains[c.owner == j].max())
-                large = s.score(rss, 0, 0.0) - s.score(rss - known, 0, 0.0) > LARGE
-                if large and (key := (frozenset(others), j)) not in seen:
+            for j in sorted({*c.owner[near].tolist(), own} - acting - {-1}):
+                changes = j == own or touched >> j & 1
+                if found.large[j] and changes and (key := (frozenset(others), j)) not in seen:
                     seen.add(key)
-                    yield others, rss, known, near[c.owner[near] == j]
+                    every = np.flatnonzero(c.owner == j)
+                    blocks = every if few and j == own else np.intersect1d(near, every)
+                    yield others, found.rss, float(found.known[j]), blocks
+
+
+def _left_out(s: Search, *, few: bool) -> Iterator[tuple[_Blocks, _Blocks, int]]:
+    """The best sets, and of few readings these without one cause.
+
+    With those of which one more is left out, and the candidates that are looked at then (bits):
+    those that the first has something in common with. What others explain is the same beside it.
+    """
+    for f in s.found[:COMPANIES]:
+        yield f.blocks, f.blocks, -1
+        for part, touched in s.reach.parts(f.blocks) if few else ():
+            for k in part:
+                rest = tuple(b for b in f.blocks if b != k)
+                yield rest, tuple(b for b in part if b != k), touched
 
 
 def _above_neighbours(owner: Integers, gains: Floats) -> Floats:

@@ -111,6 +111,17 @@ class Beside:
         own = product_of_seen(self.own, r[self.at])
         return own if self.of_basis is None or basis is None else own - self.of_basis @ basis
 
+    def with_some(self, r: Floats, at: slice) -> Floats:
+        """Inner products with columns r (m, s) that are zero in all readings but those ``at``."""
+        first, last = max(self.at.start, at.start), min(self.at.stop, at.stop)
+        own = np.zeros((len(self.own), r.shape[1]))
+        if first < last:
+            mine = self.own[:, first - self.at.start : last - self.at.start]
+            own = np.asarray(mine @ r[first - at.start : last - at.start])
+        if self.of_basis is None:
+            return own
+        return np.asarray(own - self.of_basis @ (self.basis[at].T @ r))
+
     def inner(self, some: slice, others: slice) -> Floats:
         """Inner products of some columns with others, (k, l)."""
         own = np.asarray(self.own[some] @ self.own[others].T)

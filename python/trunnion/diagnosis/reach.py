@@ -7,15 +7,41 @@ meets the same few blocks of a measurement in many sets: what they leave is work
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from operator import or_
 
 import numpy as np
 
 from trunnion._core import CauseBlocks, CauseSet
-from trunnion.base.units import Flags, Floats
+from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.columns import APART
 
 _Blocks = tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class AtVariants:
+    """What a set leaves with each variant of some of its causes, beside the others as they are.
+
+    at: Which variant of each cause is in the set (c,). count: How many each has (c,). rss: Sums of
+    squares, those of one cause after the other (v,).
+    """
+
+    at: Integers
+    count: Integers
+    rss: Floats
+
+    @classmethod
+    def of(cls, causes: Sequence[tuple[int, Floats]]) -> AtVariants:
+        """Return those of causes: which variant is in the set, and what each leaves (v,)."""
+        at, rss = zip(*causes, strict=True)
+        return cls(np.array(at), np.array([len(own) for own in rss]), np.concatenate(rss))
+
+    def with_more(self, left: float) -> AtVariants:
+        """Return the same of a set that leaves more."""
+        return AtVariants(self.at, self.count, self.rss + left)
 
 
 class Reach:
@@ -32,55 +58,58 @@ class Reach:
         before = np.repeat(c.start - (np.cumsum(c.rank) - c.rank), c.rank)
         self._columns = before + np.arange(len(before))
         self._touched: dict[int, int] = {}
+        self._reached = [1 << j for j in range(c.count)]
         self._gains: dict[tuple[_Blocks, int, int], tuple[float, Floats]] = {}
-        self._variants: dict[tuple[_Blocks, int], tuple[float, Floats]] = {}
+        self._variants: dict[_Blocks, AtVariants | None] = {}
 
     def that_matter(self, blocks: Sequence[int], candidate: int) -> _Blocks:
         """Those of some blocks that change what a candidate gains beside them, in order."""
-        parts = self._parts(blocks)
+        parts = self.parts(blocks)
         return _joined(own for own, touched in parts if touched >> candidate & 1)
 
     def gains_beside(self, blocks: Sequence[int], further: range) -> tuple[float, Floats]:
         """What a set leaves (RSS), and by how much less each of further blocks beside it would."""
-        parts = list(self._parts(blocks))
+        parts = list(self.parts(blocks))
         first, last = self._owner[further.start], self._owner[further.stop - 1]
+        if first == last:
+            own = _joined(some for some, touched in parts if touched >> first & 1)
+            return self._left(parts), self._beside(own, further)[1]
         beside = np.zeros(self._c.count, dtype=np.int64)  # bits of the parts
         for i, (_, touched) in enumerate(parts):
             beside += self._flags(touched).astype(np.int64) << i
         starts = np.flatnonzero(np.diff(beside[first : last + 1], prepend=-1)) + first
         begun = [*starts.tolist(), last + 1]
-        own = {
+        every = {
             bits: _joined(some for i, (some, _) in enumerate(parts) if bits >> i & 1)
             for bits in dict.fromkeys(beside[starts].tolist())
         }
         gains = []
         for bits, j, end in zip(beside[starts].tolist(), begun, begun[1:], strict=False):
             some = range(max(further.start, self._first[j]), min(further.stop, self._first[end]))
-            gains.append(self._beside(own[bits], some)[1])
-        return self._left(parts), gains[0] if len(gains) == 1 else np.concatenate(gains)
+            gains.append(self._beside(every[bits], some)[1])
+        return self._left(parts), np.concatenate(gains)
 
-    def at_variants(self, blocks: Sequence[int]) -> Iterator[tuple[int, Floats]]:
-        """Each block of a set whose candidate has others, and what the set would leave with these.
-
-        Its number among them; a sum of squares each, (v,).
-        """
-        parts = list(self._parts(blocks))
+    def at_variants(self, blocks: Sequence[int]) -> Iterator[AtVariants]:
+        """What a set would leave with each variant of its causes that have several."""
+        parts = list(self.parts(blocks))
         for part in parts:
-            others = self._left([other for other in parts if other is not part])
-            for b in part[0]:
-                j = self._owner[b]
-                first, end = self._first[j], self._first[j + 1]
-                if end - first > 1:
-                    rss, gains = self._of_variants(part[0], b, range(first, end))
-                    yield b - first, others - (self._empty.rss - rss) - gains
+            found = self._of_variants(part[0])
+            if found is not None:
+                others = self._left([other for other in parts if other is not part])
+                yield found.with_more(others - self._empty.rss)
 
-    def _of_variants(self, part: _Blocks, block: int, variants: range) -> tuple[float, Floats]:
-        """What a part without a block leaves, and what the variants of that gain beside it."""
-        key = part, block
-        if key not in self._variants:
-            rest = [b for b in part if b != block]
-            self._variants[key] = self.gains_beside(rest, variants)
-        return self._variants[key]
+    def _of_variants(self, part: _Blocks) -> AtVariants | None:
+        """What a part would leave with each variant of its causes; None: none has several."""
+        if part not in self._variants:
+            found = []
+            for b in part:
+                first, end = self._first[self._owner[b]], self._first[self._owner[b] + 1]
+                if end - first > 1:
+                    rest = [other for other in part if other != b]
+                    rss, gains = self.gains_beside(rest, range(first, end))
+                    found.append((b - first, rss - gains))
+            self._variants[part] = AtVariants.of(found) if found else None
+        return self._variants[part]
 
     def _left(self, parts: Sequence[tuple[_Blocks, int]]) -> float:
         """What parts of a set leave together."""
@@ -98,22 +127,24 @@ class Reach:
             self._gains[key] = self._core.gains_beside(self._empty, rows, *key[1:])
         return self._gains[key]
 
-    def _parts(self, blocks: Sequence[int]) -> Iterator[tuple[_Blocks, int]]:
-        """Parts of a set that have nothing in common: blocks, and bits of what these touch."""
-        left = list(blocks)
-        while left:
-            own, touched, inside = [left.pop()], 0, 0
-            for b in own:  # and those that are found on the way
-                touched |= self._touching(b)
-                inside |= 1 << self._owner[b]
-                near = [x for x in left if self._near(x, touched, inside)]
-                own += near
-                left = [x for x in left if x not in near]
-            yield tuple(sorted(own)), touched
+    def parts(self, blocks: Sequence[int]) -> Iterator[tuple[_Blocks, int]]:
+        """Parts of a set that have nothing in common: blocks, and bits of what these touch.
 
-    def _near(self, block: int, touched: int, inside: int) -> bool:
-        """Whether a block, at this place or another, has to do with candidates (bits)."""
-        return bool(touched >> self._owner[block] & 1 or self._touching(block) & inside)
+        At these places of their causes or others.
+        """
+        every = [(b, 1 << self._owner[b], self._touching(b)) for b in sorted(blocks)]
+        left = sum(bit for _, bit, _ in every)
+        while left:
+            fresh = own = left & -left
+            while fresh:  # and what is found on the way
+                left &= ~fresh
+                near = 0
+                for j in _bits(fresh):
+                    near |= self._reached[j]
+                fresh = near & left
+                own |= fresh
+            inside = [(b, touched) for b, bit, touched in every if own & bit]
+            yield tuple(b for b, _ in inside), reduce(or_, (touched for _, touched in inside))
 
     def _touching(self, block: int) -> int:
         """Bits of the candidates with which a block has something in common."""
@@ -122,7 +153,11 @@ class Reach:
             flags = np.zeros(self._c.count, dtype=bool)
             flags[self._of_column[seen]] = True
             bits = np.packbits(flags, bitorder="little").tobytes()
-            self._touched[block] = int.from_bytes(bits, "little")
+            self._touched[block] = touched = int.from_bytes(bits, "little")
+            j = self._owner[block]
+            self._reached[j] |= touched
+            for other in np.flatnonzero(flags).tolist():
+                self._reached[other] |= 1 << j
         return self._touched[block]
 
     def _flags(self, bits: int) -> Flags:
@@ -134,3 +169,11 @@ class Reach:
 def _joined(parts: Iterable[_Blocks]) -> _Blocks:
     """Blocks of some parts, in order."""
     return tuple(sorted(b for part in parts for b in part))
+
+
+def _bits(mask: int) -> Iterator[int]:
+    """Numbers of the bits of a mask."""
+    while mask:
+        lowest = mask & -mask
+        yield lowest.bit_length() - 1
+        mask ^= lowest

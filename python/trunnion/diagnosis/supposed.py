@@ -16,6 +16,7 @@ import numpy as np
 
 from trunnion._core import sizes_of_sets
 from trunnion.base.units import Flags, Floats, Integers
+from trunnion.diagnosis.reach import AtVariants
 from trunnion.diagnosis.selection import Search
 
 DEPENDENT = 1e-9  # of the Gram matrix: what is supposed may be large and much like a cause
@@ -90,7 +91,7 @@ class Supposed:
         """By how much a set with what is supposed lessens the sum of squares."""
         return float(self.sizes([blocks], np.zeros(len(self.search.owner), dtype=bool))[0][0])
 
-    def at_variants(self, blocks: Sequence[int]) -> Iterator[tuple[int, Floats]]:
+    def at_variants(self, blocks: Sequence[int]) -> Iterator[AtVariants]:
         """As `Reach.at_variants`, of a set with what is supposed."""
         owner = self.search.c.owner
         for b in blocks:
@@ -98,7 +99,7 @@ class Supposed:
             if end - first > 1:
                 rest = [other for other in blocks if other != b]
                 rss, gains = self.gains_beside(rest, range(first, end))
-                yield b - first, rss - gains
+                yield AtVariants.of([(b - first, rss - gains)])
 
     def gains_beside(self, blocks: Sequence[int], further: range) -> tuple[float, Floats]:
         """As `Reach.gains_beside`, of blocks with what is supposed."""
