@@ -105,6 +105,13 @@ def linear_fit(
         return replace(fit, basis=basis_of(columns, fit, factor)) if basis else fit
 
 
+def basis_of_all(columns: Floats) -> Floats:
+    """Orthonormal basis of columns (n, p), which may be none: (n, rank)."""
+    if not columns.shape[1]:
+        return columns
+    return linear_fit(columns, np.zeros(len(columns)), basis=True).basis
+
+
 @dataclass(frozen=True, eq=False)
 class Spanned:
     """Orthonormal basis of columns, (n, p) times weights (p, rank), that is not made.

@@ -388,7 +388,7 @@ def _competing(case: Case, best: Found, extended: Fit, unexplained: bool) -> lis
     picked: list[int] = []
     instead: list[Competing] = []
     if unexplained or stands_for_causes(case, best):
-        picked = promising(case, (extended, case.plain), at_once=unexplained)
+        picked = promising(case, best, (extended, case.plain), at_once=unexplained)
     if unexplained:
         instead = jumps_instead(case, extended)
         known = {one.term for one in instead}

@@ -330,7 +330,7 @@ class Dictionary:
 
     def block(self, term: int) -> Floats:
         """Columns of a term, shape (n, k)."""
-        own = self._block(term)
+        own = self.own_block(term)
         out = np.zeros((len(self._rows), own.shape[1]))
         out[self.readings(term)] = own
         return out
@@ -352,10 +352,10 @@ class Dictionary:
         own, at = self._variants(term, jumps), self.readings(term)
         return own if at == slice(0, len(self._rows)) else OfSome(own, at)
 
-    def _block(self, term: int) -> Floats:
+    def own_block(self, term: int) -> Floats:
         """Columns of a term, of its own readings only, (m, k)."""
         if term >= self.count:
-            return np.concatenate([self._block(i) for i in self.in_each(term)], axis=1)
+            return np.concatenate([self.own_block(i) for i in self.in_each(term)], axis=1)
         found = (part.block(term) for part in self._parts)
         return next(x for x in found if x is not None)
 
@@ -367,7 +367,7 @@ class Dictionary:
         along = self._along(of)
         named = not along.sequence and all(e.spread is None for e in self._model.effects)
         if of.kind not in ("local", "jump") and (of.kind != "wave" or named):
-            return self._block(term)[None]
+            return self.own_block(term)[None]
         values = self._values(along)
         own = self._distinct(along)
         low, high = own[0], own[-1]

@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ MAX_TERMS = 10
 MAX_SENTENCES = 3
 MAX_SUMS = 64  # of causes of a set that are compared with terms, those of few first
 MIN_LEFT = 1e-14  # of a sum of squares: rounding
+OF_OTHERS = 1e-12  # of squares: rounding of what is fitted in other readings, too
 TINY = 1e-300
 
 
@@ -78,24 +80,47 @@ def standing_at_once(case: Case, best: Found) -> list[int]:
     d, plain = case.dictionary, case.plain
     if not (best.blocks and d.at_once):
         return []
-    parts = _parts(case, best, plain.white)
-    sums, paid = _sums(case, best, parts, 1)
-    sums += (plain.white - np.sum(parts, axis=0))[:, None]
-    squares, dof = np.einsum("ij,ij->j", sums, sums), plain.dof
-    least = case.floor.deviance(best.rss, dof) + paid
-
-    def worse(gain: Floats, penalty: Floats) -> Floats:
-        left = np.maximum(squares - gain, MIN_LEFT * plain.rss)
-        more = np.min(case.floor.deviance(left, dof) - least, axis=1)
-        return np.asarray(more + penalty)
-
-    gain, rank, penalty = _at_once(case, plain, *d.gains(sums, plain.basis))
-    about = np.where(rank > 0, worse(gain, penalty), np.inf)
+    instead = _Instead.of(case, best)
+    gain, rank, penalty = _at_once(case, plain, *d.gains(instead.sums, plain.basis))
+    about = np.where(rank > 0, instead.worse(gain, penalty), np.inf)
     some = np.flatnonzero(about < 2 * WITHIN)
-    each = [np.sum((directions(case, d.count + int(i)).T @ sums) ** 2, axis=0) for i in some]
-    value = worse(np.reshape(each, (len(some), sums.shape[1])), penalty[some])
+    value = instead.exactly((d.count + some).tolist(), penalty[some])
     order = np.argsort(value, kind="stable")
     return _few_of_a_kind(case, d.count + some[order[value[order] < 2 * WITHIN]])
+
+
+@dataclass(frozen=True, eq=False)
+class _Instead:
+    """What some causes of a set make, with what the set leaves: a term may be there instead.
+
+    sums: One, two or more of them (n, s). least: -2 ln L that the set has, with what these causes
+    cost (s,).
+    """
+
+    case: Case
+    sums: Floats
+    least: Floats
+
+    @classmethod
+    def of(cls, case: Case, best: Found) -> "_Instead":
+        """Return that of a set."""
+        white, dof = case.plain.white, case.plain.dof
+        parts = _parts(case, best, white)
+        sums, paid = _sums(case, best, parts, 1)
+        sums += (white - np.sum(parts, axis=0))[:, None]
+        return cls(case, sums, case.floor.deviance(best.rss, dof) + paid)
+
+    def worse(self, gain: Floats, penalty: Floats) -> Floats:
+        """By how much less is explained with terms instead, which gain so much, (t, s): (t,)."""
+        plain, floor = self.case.plain, self.case.floor
+        left = np.maximum(np.einsum("ij,ij->j", self.sums, self.sums) - gain, MIN_LEFT * plain.rss)
+        more = np.min(floor.deviance(left, plain.dof) - self.least, axis=1)
+        return np.asarray(more + penalty)
+
+    def exactly(self, terms: Sequence[int], penalty: Floats) -> Floats:
+        """Return the same by all that terms add to what is fitted, (t,)."""
+        each = [np.sum((directions(self.case, i).T @ self.sums) ** 2, axis=0) for i in terms]
+        return self.worse(np.reshape(each, (len(terms), self.sums.shape[1])), penalty)
 
 
 def with_places(case: Case, terms: Sequence[int], fits: Sequence[Fit]) -> list[Competing]:
@@ -203,24 +228,50 @@ def by_rounding(case: Case, terms: Sequence[int]) -> Floats:
 
 
 def directions(case: Case, term: int) -> Floats:
-    """Directions of a term that are not always fitted, orthonormal (n, k)."""
-    columns, basis = case.dictionary.block(term), case.plain.basis
-    own, size, _ = np.linalg.svd(columns - basis @ (basis.T @ columns), full_matrices=False)
-    return np.asarray(own[:, size**2 > DEPENDENT])
+    """Directions of a term that are not always fitted, orthonormal (n, k).
+
+    Zero in other measurements than that of the term, unless something is fitted in several.
+    """
+    d, at = case.dictionary, case.dictionary.readings(term)
+    columns, basis = d.own_block(term), case.plain.basis[at]
+    taken = basis.T @ columns
+    within = basis @ taken
+    out = np.zeros((len(case.plain.basis), columns.shape[1]))
+    if np.sum(taken**2) - np.sum(within**2) > OF_OTHERS * np.sum(columns**2):
+        out -= case.plain.basis @ taken
+        out[at] += columns
+        own, size, _ = np.linalg.svd(out, full_matrices=False)
+        return np.asarray(own[:, size**2 > DEPENDENT])
+    own, size, _ = np.linalg.svd(columns - within, full_matrices=False)
+    out[at] = own
+    return np.asarray(out[:, size**2 > DEPENDENT])
 
 
-def promising(case: Case, fits: Sequence[Fit], *, at_once: bool) -> list[int]:
+def promising(case: Case, best: Found, fits: Sequence[Fit], *, at_once: bool) -> list[int]:
     """Terms with the most evidence under each fit, two at most of a covariate and kind.
 
-    Those of one component and, if ``at_once``, as many in all at once.
+    Those of one component and, if ``at_once``, as many in all at once. None that explains next to
+    nothing beside any of the fits, nor instead of causes of the best set.
     """
-    d, picked = case.dictionary, list[int]()
+    picked, evident = list[int](), set[int]()
     for f in fits:
-        picked += _few_of_a_kind(case, np.argsort(-_of_each(case, f), kind="stable"), picked)
-        if at_once:
-            order = d.count + np.argsort(-_of_all(case, f), kind="stable")
-            picked += _few_of_a_kind(case, order, picked)
-    return picked
+        found = [(0, _of_each(case, f))]
+        found += [(case.dictionary.count, _of_all(case, f))] if at_once else []
+        for first, value in found:
+            picked += _few_of_a_kind(case, first + np.argsort(-value, kind="stable"), picked)
+            evident |= {first + int(i) for i in np.flatnonzero(value > -2 * WITHIN)}
+    rest = [i for i in picked if i not in evident]
+    if rest and best.blocks:
+        worse = _Instead.of(case, best).exactly(rest, _penalties(case, rest))
+        evident |= {i for i, more in zip(rest, worse.tolist(), strict=True) if more < 2 * WITHIN}
+    return [i for i in picked if i in evident]
+
+
+def _penalties(case: Case, terms: Sequence[int]) -> Floats:
+    """Penalty of some terms beside the plain fit (t,)."""
+    plain, d = case.plain, case.dictionary
+    each, together = term_penalty(case, plain), _at_once(case, plain, *d.of_fit(plain))[2]
+    return np.array([each[i] if i < d.count else together[i - d.count] for i in terms])
 
 
 def _few_of_a_kind(case: Case, order: Integers, known: Sequence[int] = ()) -> list[int]:

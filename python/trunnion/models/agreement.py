@@ -9,17 +9,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from trunnion.base.report import rough
-from trunnion.base.statistics import linear_fit
+from trunnion.base.statistics import basis_of_all
 from trunnion.base.units import Floats, Integers
-from trunnion.diagnosis.effect import Effect
-from trunnion.diagnosis.fit import first_values, variant_columns
+from trunnion.diagnosis.fit import first_values
 from trunnion.diagnosis.records import value_in_words
 from trunnion.diagnosis.refit import Refit, refit
 from trunnion.diagnosis.result import Diagnosis
 
 if TYPE_CHECKING:
     from trunnion.models.joint import JointModel
-    from trunnion.models.parts import Part
+    from trunnion.models.parts import Acts, Part
 
 LEVEL = 1e-8
 """At which "other in one measurement" is a candidate: no set that has the shared cause instead
@@ -56,17 +55,17 @@ def errors_apart(parts: Sequence[Part], index: Sequence[Integers]) -> Iterator[t
 
 
 def effects_apart(
-    parts: Sequence[Part], acting: Mapping[str, Sequence[tuple[int, Effect]]], alike: str
+    parts: Sequence[Part], acting: Mapping[str, Sequence[Acts]], alike: str
 ) -> Iterator[tuple[str, str, float]]:
     """Kinds of measurement, each with a shared effect that it may see otherwise than the others.
 
-    With the level of this candidate. acting: Id → the parts that it acts on, by number, and what
-    acts there. alike: Id of the scale of all axes: other in an artefact or a bar, that is its size.
+    With the level of this candidate. acting: Id → the parts that it acts on, and how. alike: Id of
+    the scale of all axes: other in an artefact or a bar, that is its size.
     """
     of_runs = _scales_of_runs(parts, acting, alike)
     for name, acts in acting.items():
-        if _of_several_kinds(parts, (i for i, _ in acts)):
-            seen = [(parts[i].kind, _seen_of_effect(parts[i], own)) for i, own in acts]
+        if _of_several_kinds(parts, (a.part for a in acts)):
+            seen = [(parts[a.part].kind, _seen_of_effect(parts[a.part], a)) for a in acts]
             for kind in _seeing(seen):
                 if name in of_runs and kind == POSITIONING:
                     yield kind, name, SCALE_OF_RUNS
@@ -75,10 +74,10 @@ def effects_apart(
 
 
 def _scales_of_runs(
-    parts: Sequence[Part], acting: Mapping[str, Sequence[tuple[int, Effect]]], alike: str
+    parts: Sequence[Part], acting: Mapping[str, Sequence[Acts]], alike: str
 ) -> set[str]:
     """Ids of the scales of which positioning runs may have one of their own."""
-    kinds = {name: {parts[i].kind for i, _ in acts} for name, acts in acting.items()}
+    kinds = {name: {parts[a.part].kind for a in acts} for name, acts in acting.items()}
     of_axes = [name for name in kinds if name in LINEAR_SCALES and POSITIONING in kinds[name]]
     some = [*of_axes, alike] if alike and len(of_axes) > 1 else of_axes
     return {name for name in some if kinds[name] <= {POSITIONING, *WITH_A_LENGTH}}
@@ -98,32 +97,23 @@ def _seeing(seen: Sequence[tuple[str, float]]) -> tuple[str, ...]:
     return kinds if len(kinds) > 1 else ()
 
 
-def _seen_of_effect(part: Part, effect: Effect) -> float:
+def _seen_of_effect(part: Part, acts: Acts) -> float:
     """Squares of an effect's columns over the noise, one unit of each parameter."""
     model = part.model
-    columns = variant_columns(model, effect, model.start, [first_values(effect)])[0]
-    white = np.asarray(part.whiten(np.column_stack([columns, _jacobian(part)])))
-    count = columns.shape[1]
-    return _left(white[:, :count], white[:, count:], model.rank_tolerance)
+    columns = part.white_columns(model.start, acts, [first_values(acts.effect)])[0].T
+    return _left(columns, part.fitted, model.rank_tolerance)
 
 
 def _seen_of_error(part: Part, k: int) -> float:
     """Squares of the column of a nuisance parameter over the noise, beside the others."""
-    white = np.asarray(part.whiten(_jacobian(part)))
-    return _left(white[:, [k]], np.delete(white, k, axis=1), part.model.rank_tolerance)
+    white = part.white_jacobian
+    others = np.delete(white, k, axis=1)
+    return _left(white[:, [k]], basis_of_all(others), part.model.rank_tolerance)
 
 
-def _jacobian(part: Part) -> Floats:
-    return part.model.jacobian(part.model.start, {})
-
-
-def _left(columns: Floats, others: Floats, tolerance: float) -> float:
-    """Sum of squares of columns beside others."""
-    if others.shape[1]:
-        basis = linear_fit(others, np.zeros(len(others)), basis=True).basis
-        left = columns - basis @ (basis.T @ columns)
-    else:
-        left = columns
+def _left(columns: Floats, basis: Floats, tolerance: float) -> float:
+    """Sum of squares of columns beside others, of which there is an orthonormal basis."""
+    left = columns - basis @ (basis.T @ columns)
     seen, every = (np.einsum("ij,ij->j", x, x) for x in (left, columns))
     return float(np.sum(np.where(seen > tolerance * every, seen, 0.0)))
 

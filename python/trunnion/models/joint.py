@@ -217,11 +217,7 @@ class JointModel(Model):
             x = self.nuisance[k]
             change, size = Change(kinds.index(kind), happened, error=x.name), size_of("differs", x)
             yield self._happened(change, (size,), x.name, x.owner, LEVEL)
-        acting = {
-            shared: [(a.part, a.effect) for a in acts]
-            for shared, acts in self._acts.items()
-            if made[shared].linear
-        }
+        acting = {shared: acts for shared, acts in self._acts.items() if made[shared].linear}
         for kind, shared, level in effects_apart(self.parts, acting, self.alike.id):
             change, one = Change(kinds.index(kind), happened, effect=shared), made[shared]
             yield self._happened(change, one.parameters, one.label, one.owner, level)

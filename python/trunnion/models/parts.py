@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from trunnion.base.resolution import Grid
+from trunnion.base.statistics import basis_of_all
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.effect import Effect, EffectValues, Parameter, Values
@@ -143,6 +144,16 @@ class Part:
         """How many candidates a cause of it is one of beforehand."""
         ordinary = [e for e in self.model.effects if not (e.expected or e.rare or e.level)]
         return max(self.candidates or len(ordinary), 1.0)
+
+    @cached_property
+    def white_jacobian(self) -> Floats:
+        """Derivative of the white readings by what is always fitted, at its start, (n, p)."""
+        return np.asarray(self.whiten(self.model.jacobian(self.model.start, {})))
+
+    @cached_property
+    def fitted(self) -> Floats:
+        """Orthonormal basis of it, (n, r)."""
+        return basis_of_all(self.white_jacobian)
 
     def white_columns(self, nuisance: Floats, acts: Acts, values: Sequence[Values]) -> Floats:
         """Return columns of linear parameters of an effect that acts here, (v, k, n).
