@@ -458,6 +458,8 @@ def _taken(
     """
 
     def white(columns: Array) -> Array:
+        if noise.order == 0:
+            return columns / noise.sizes[-1]
         flat = columns.reshape(len(columns), -1)
         made = np.concatenate([noise.whiten(flat[s]) for s in segments])
         return made.reshape(columns.shape)
@@ -474,10 +476,11 @@ def _taken(
             price = float(chdtri(places.shape[2], level / len(places)))
             if gains[best] < price:
                 continue
-            paid += price
         some = slice(max(best - channel.neighbours, 0), best + channel.neighbours + 1)
         near = np.concatenate([*every[some]], axis=1)
         own = _basis(near - q @ (q.T @ near))
+        if level is not None:
+            paid += float(chdtri(own.shape[1], level / len(places)))
         taken = np.concatenate([taken, *places[some]], axis=1)
         q = np.concatenate([q, own], axis=1)
         left = left - own @ (own.T @ left)

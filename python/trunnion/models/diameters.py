@@ -11,13 +11,12 @@ and parameters in docs/reference/effects.md, the keys of ``[turning]`` in `Condi
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 from trunnion._core import turning_cause
 from trunnion.base.arguments import checked
@@ -30,9 +29,11 @@ from trunnion.diagnosis.classes import waves_in_classes
 from trunnion.diagnosis.effect import Effect, EffectLike, EffectValues, Parameter, Values
 from trunnion.diagnosis.linear_model import LinearModel
 from trunnion.diagnosis.model import FINEST_NOISE, Covariate, Nuisance, Readings, Uncertainty
+from trunnion.diagnosis.noise_in_runs import noise_in_runs
 from trunnion.diagnosis.own_effects import with_own
 from trunnion.diagnosis.ways import Description
 from trunnion.machine.estimate import Estimate
+from trunnion.models.passes import along_passes, check_passes, in_order, labels_of
 from trunnion.setup import Setup
 from trunnion.setup.fields import COORDINATE, Number, Part, Section, Vector, key
 
@@ -41,14 +42,10 @@ from trunnion.setup.fields import COORDINATE, Number, Part, Section, Vector, key
 TIME_CONSTANTS = 60
 WAVE_STEP = 0.125
 
-# More is likely a typo: a diameter itself, or another unit.
-MAX_ERROR_UM = 5000.0
-
 # Every tool wears while it cuts. Beside a tool that heats up the wear of one pass is hardly seen:
 # what is left of it once amplitude and time constant are fitted anew is below the noise.
 MIN_WEAR_UM = 2.0
 
-MIN_READINGS = 4  # in a pass
 OF_TURNING = "it acts while a lathe cuts: correct the program or the next pass (tn.next_passes)"
 
 # A worn tool cuts a thicker part, a cut presses the part away, no tool shrinks as it warms.
@@ -130,22 +127,14 @@ class _Reference:
     timed: bool
 
 
-def _labels(values: npt.NDArray[Any] | None, count: int) -> npt.NDArray[np.str_]:
-    return np.full(count, "1") if values is None else np.asarray(values).astype(str)
-
-
-def _in_order(labels: npt.NDArray[np.str_]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(labels.tolist()))
-
-
 def _reference(data: Diameters, conditions: Conditions) -> _Reference:
     n = len(data)
     depth, diameter = data.depth_mm, data.diameter_mm
     return _Reference(
         depth_mm=float(depth[0]) if depth is not None and depth[0] > 0 else 1.0,
         diameter_mm=float(diameter[0]) if diameter is not None else conditions.diameter_mm or 1.0,
-        passes=_in_order(_labels(data.pass_, n)),
-        coolants=_in_order(_labels(data.coolant, n)),
+        passes=in_order(labels_of(data.pass_, n)),
+        coolants=in_order(labels_of(data.coolant, n)),
         timed=_seconds(data, conditions, np.zeros(n)) is not None,
     )
 
@@ -260,7 +249,7 @@ class _Cause:
         if not self.classes:
             return [slice(n)]
         column = self.data.pass_ if self.name == "chatter" else self.data.coolant
-        labels = _labels(column, n)
+        labels = labels_of(column, n)
         unknown = sorted(set(labels.tolist()) - set(self.classes))
         if unknown and self.name == "tool_heating":
             known = ", ".join(self.classes)
@@ -326,8 +315,8 @@ class _Cause:
     def _pass_time(self) -> float:
         """Cutting time of the longest pass."""
         time = self.cuts[:, 2]
-        labels = _labels(self.data.pass_, len(time))
-        return max(float(np.ptp(time[labels == label])) for label in _in_order(labels))
+        labels = labels_of(self.data.pass_, len(time))
+        return max(float(np.ptp(time[labels == label])) for label in in_order(labels))
 
 
 def _catalogue(data: Diameters, conditions: Conditions, reference: _Reference) -> list[Effect]:
@@ -407,13 +396,14 @@ class DiameterModel(LinearModel):
         effects: Sequence[EffectLike | str] = (),
         reference: _Reference | None = None,
     ) -> None:
-        _check(data, conditions)
+        check_passes(data, conditions.overhang_mm)
         self.conditions = conditions
         self.reference = reference or _reference(data, conditions)
         self._given = tuple(effects)
+        self._noises: dict[bytes, Callable[[Floats], Floats]] = {}
         z = np.asarray(data.z_mm, dtype=np.float64)
-        labels = _labels(data.pass_, len(data))
-        passes = _in_order(labels)
+        labels = labels_of(data.pass_, len(data))
+        passes = in_order(labels)
         # Blocks of five along each pass, the same places together, are left out as a whole.
         place = np.clip((5 * (z - z.min()) / max(float(np.ptp(z)), 1e-9)).astype(int), 0, 4)
         super().__init__(
@@ -444,11 +434,19 @@ class DiameterModel(LinearModel):
             Covariate("position along the part", np.asarray(data.z_mm, dtype=np.float64), "mm"),
             time if self.reference.timed else replace(time, name="length cut", unit="mm"),
         ]
-        labels = _labels(data.pass_, len(data))
-        if len(_in_order(labels)) > 1:
+        labels = labels_of(data.pass_, len(data))
+        if len(in_order(labels)) > 1:
             out.append(Covariate("pass", labels, classes=True))
         order = np.arange(len(data), dtype=float)
         return [*out, Covariate("order of measurement", order, sequence=True)]
+
+    def whitener(self, residuals: Floats) -> Callable[[Floats], Floats]:
+        """Noise with a memory along each pass, if it has one (:mod:`.noise_in_runs`)."""
+        asked = residuals.tobytes()  # of one diagnosis, twice the same
+        if asked not in self._noises:
+            passes = along_passes(self.data)
+            self._noises = {asked: noise_in_runs(self, residuals, passes, slow=True)}
+        return self._noises[asked]
 
     def bind(self, data: Any) -> DiameterModel:
         """Return the same model, with the same reference cut, on other passes."""
@@ -466,33 +464,6 @@ class DiameterModel(LinearModel):
             source=self,
             **self.estimated(effects, uncertainty, OF_TURNING),
         )
-
-
-def _check(data: Diameters, conditions: Conditions) -> None:
-    z = np.asarray(data.z_mm, dtype=np.float64)
-    overhang = conditions.overhang_mm
-    if (z > overhang + 1e-6).any():
-        row = int(np.argmax(z))
-        raise DataError(
-            f"z_mm ({data.place(row)}): got {z[row]}, expected at most the overhang, {overhang} mm"
-        )
-    if (z < -1e-6).any():
-        row = int(np.argmin(z))
-        raise DataError(
-            f"z_mm ({data.place(row)}): got {z[row]}, expected 0 (the chuck's face) or more: does "
-            "it count from the chuck outward?"
-        )
-    error = np.asarray(data.error_um, dtype=np.float64)
-    if (np.abs(error) > MAX_ERROR_UM).any():
-        row = int(np.argmax(np.abs(error)))
-        raise DataError(
-            f"error_um ({data.place(row)}): got {error[row]}, expected measured minus nominal "
-            f"diameter, µm, within ±{MAX_ERROR_UM:g}"
-        )
-    labels = _labels(data.pass_, len(data))
-    for label, count in zip(*np.unique(labels, return_counts=True), strict=True):
-        if count < MIN_READINGS:
-            raise DataError(f"pass {label}: got {count} readings, expected at least {MIN_READINGS}")
 
 
 @checked

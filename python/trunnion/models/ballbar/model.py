@@ -20,6 +20,7 @@ from trunnion.diagnosis.fit import variant_columns
 from trunnion.diagnosis.gains import gains_beside
 from trunnion.diagnosis.grid import best_place
 from trunnion.diagnosis.model import Covariate, Model, Nuisance, Readings, Uncertainty
+from trunnion.diagnosis.noise_in_runs import noise_in_runs
 from trunnion.diagnosis.own_effects import with_own
 from trunnion.hybrid.readings import (
     check_enough,
@@ -42,7 +43,6 @@ from trunnion.models.ballbar.effects import (
     setup_shift,
 )
 from trunnion.models.ballbar.machine import ThreeAxis, machine_of
-from trunnion.models.ballbar.noise import noise_of
 from trunnion.models.ballbar.path import AXES, Path, left_by
 from trunnion.models.ballbar.settings import BallbarSettings
 from trunnion.setup import Setup
@@ -378,8 +378,8 @@ class BallbarModel(Model):
         return repeats(parts)
 
     def whitener(self, residuals: Floats) -> Callable[[Floats], Floats]:
-        """Noise with a memory within each run, if it has one (:mod:`.noise`)."""
-        return noise_of(self, residuals)
+        """Noise with a memory within each run, if it has one (:mod:`.noise_in_runs`)."""
+        return noise_in_runs(self, residuals, self.path.each())
 
     def _senses(self) -> Floats:
         if self._used.sense is not None:

@@ -1,15 +1,14 @@
-"""Noise of ball-bar lengths with a memory: what a recorder filters, what shakes the machine slowly.
+"""Noise with a memory within runs of readings: what a recorder filters, what a surface waves.
 
-Readings of a run come one after the other, some milliseconds apart. Filters of the recorder and of
-the transmitter, and vibrations far slower than the readings, make the errors of neighbours alike.
-Taken for independent ones, what they draw round the circle looks like causes of 0.1 µm.
+Readings of a run follow each other in time or along a part. Filters of a recorder, vibrations far
+slower than the readings, and the waviness of a surface make the errors of neighbours alike. Taken
+for independent ones, what they draw looks like causes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import orth
@@ -20,6 +19,7 @@ from trunnion.diagnosis.autoregression import Autoregression
 from trunnion.diagnosis.fit import grid_values, variant_columns
 from trunnion.diagnosis.likely_terms import beside_a_term, terms_one_by_one
 from trunnion.diagnosis.memory import memory
+from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.noise import (
     MAX_STRUCTURE,
     Channel,
@@ -33,105 +33,150 @@ from trunnion.diagnosis.scan import UNNAMED_TERM_PENALTY, Dictionary
 from trunnion.diagnosis.steps import grid_of
 from trunnion.diagnosis.wander import (
     PARAMETERS,
+    SMOOTH,
     WALK,
+    Kernel,
     deviance,
     fit_wander,
     penalised,
 )
 from trunnion.diagnosis.whitening import identity
 
-if TYPE_CHECKING:
-    from trunnion.models.ballbar.model import BallbarModel
-
 MIN_READINGS = 6  # a column that is no noise: of fewer the fit makes neighbours alike
 ROUNDS = 4  # in which places and noise settle
 SAME = 1e-6  # columns of unit length
 MIN_SIGMAS = 3.0  # by which neighbours are more alike than of white noise
+LIKELY_SIGMAS = 2.0  # from which on slow noise competes with white noise
+SCALES = (1, 2, 4)  # readings of which means are taken, where noise may be slow
 MANY, PART = 4096, 512  # readings: of more, parts are taken evenly
 LARGER = 1.001  # than of all readings before it, what those that are kept leave of a reading
 
 
-def noise_of(model: BallbarModel, residuals: Floats) -> Callable[[Floats], Floats]:
+def noise_in_runs(
+    model: Model, residuals: Floats, runs: Sequence[Integers], *, slow: bool = False
+) -> Callable[[Floats], Floats]:
     """Whitener of readings whose noise has a memory within a run; else they stay as they are.
 
     It is what is left of the residuals (n,) of the plain model when every candidate is fitted at
-    once. They have a memory where neighbours are alike all round the circle, also beside structure
+    once. They have a memory where neighbours are alike all along the runs, also beside structure
     without a name, and the memory makes them likelier than such structure does.
+
+    ``runs``: row numbers of consecutive readings, together all. ``slow``: whether the noise may be
+    so slow that a cause with a place, or some structure, has most of it (waviness of a surface):
+    then it has to make the readings likelier than white noise beside such causes and structure.
+    Slow noise of many readings is not asked for.
     """
-    runs, least = model.path.each(), float(np.max(model.readings.least))
+    scales, sigmas = (SCALES, LIKELY_SIGMAS) if slow else (SCALES[:1], MIN_SIGMAS)
     single = _channel(model, sought=False)
     basis = basis_beside(residuals, single)
     left = residuals - basis @ (basis.T @ residuals)
     few = len(residuals) < MIN_READINGS * basis.shape[1]
     # a cyclic error between few readings makes neighbours less alike than by chance
-    if few or abs(memory(left, runs)) < MIN_SIGMAS:
+    white = max(abs(memory(left, runs, scale)) for scale in scales) < MIN_SIGMAS
+    if few or white or (slow and len(residuals) > MANY):
         return identity
     channel = _channel(model, sought=True)
     basis = basis_beside(residuals, channel)
     left = residuals - basis @ (basis.T @ residuals)
-    if float(left @ left) < len(left) * least**2 or memory(left, runs) < MIN_SIGMAS:
+    exact = float(left @ left) < len(left) * float(np.max(model.readings.least)) ** 2
+    if exact or max(memory(left, runs, scale) for scale in scales) < sigmas:
         return identity
-    size = float(left @ left / len(left)) ** 0.5
     grid = grid_of(model, left, len(left) - basis.shape[1], channel.fixed)
-    if grid is not None and grid.matters(size):  # arches of what rounding makes of a smooth curve
+    if grid is not None and grid.matters(float(left @ left / len(left)) ** 0.5):
+        return identity  # arches of what rounding makes of a smooth curve
+    segments = _segments(model, runs)
+    if slow:
+        noise = _slow(model, residuals, runs, channel)
+    else:
+        noise = _short(model, residuals, runs, segments, channel, basis)
+    if noise is None or not noise.order:
         return identity
-    return _fitted(model, residuals, channel, basis, left) or identity
+    size = noise.sizes[0]  # of a reading's noise, which is 1 µm of the readings that are made
+    noise = replace(noise, sizes=tuple(float(one) / size for one in noise.sizes))
+    return Whitener(tuple((rows, noise) for rows in segments))
 
 
-def _fitted(
-    model: BallbarModel, y: Floats, channel: Channel, basis: Floats, left: Floats
-) -> Whitener | None:
+def _short(
+    model: Model,
+    y: Floats,
+    runs: Sequence[Integers],
+    segments: Sequence[Integers],
+    channel: Channel,
+    basis: Floats,
+) -> Autoregression | None:
     """Noise of readings y (n,); None: beside structure it is white.
 
-    ``basis``: of what may be no noise, which has ``left`` so much.
+    ``basis``: of what may be no noise.
     """
-    runs, least = model.path.each(), float(np.max(model.readings.least))
+    left, least = y - basis @ (basis.T @ y), float(np.max(model.readings.least))
     d = Dictionary(model, np.arange(len(y)))
     found, after, _ = terms_one_by_one(d, left, basis, Floor(least**2), MAX_STRUCTURE)
     if found and memory(after, runs) < MIN_SIGMAS:
         return None
-    best = _Beside.of(model, y, channel, d, ()).grown()
+    return _Beside.of(model, y, segments, (WALK,), channel, d).grown().noise
+
+
+def _slow(
+    model: Model, y: Floats, runs: Sequence[Integers], channel: Channel
+) -> Autoregression | None:
+    """Noise of readings y (n,); None: white noise beside causes and structure is likelier."""
+    d = Dictionary(model, np.arange(len(y)))
+    best = _Beside.of(model, y, runs, (WALK, SMOOTH), channel, d).grown()
     if not best.noise.order:
         return None
-    size = best.noise.sizes[0]  # of a reading's noise, which is 1 µm of the readings that are made
-    noise = replace(best.noise, sizes=tuple(float(one) / size for one in best.noise.sizes))
-    return replace(best, noise=noise).whiten
+    # a wave that is taken first leaves nothing of a jump
+    for own in (channel, replace(channel, sought=())):
+        if _Beside.of(model, y, runs, (), own, d).grown().score <= best.score:
+            return None
+    return best.noise
 
 
 @dataclass(frozen=True)
 class _Beside:
     """Noise of readings y (n,) beside structure without a name and all that is no noise.
 
-    channel: With the columns of the structure among those that are fixed. terms: Of the structure,
-    by their numbers in the dictionary ``d``. noise, basis: The noise, and what is no noise if it is
-    that, orthonormal. score: -2 ln L with what all costs.
+    kernels: Of processes that the noise may have; of none it is white. channel: With the columns of
+    the structure among those that are fixed. terms: Of the structure, by their numbers in the
+    dictionary ``d``. false: Number of false readings that are no noise. noise, basis: The noise,
+    and what is no noise if it is that, orthonormal. score: -2 ln L with what all costs.
     """
 
-    model: BallbarModel
+    model: Model
     y: Floats
+    segments: Sequence[Integers]
+    kernels: Sequence[Kernel]
     channel: Channel
     d: Dictionary
     terms: tuple[int, ...]
+    false: int
     noise: Autoregression
     basis: Floats
     score: float
 
     @classmethod
     def of(
-        cls, model: BallbarModel, y: Floats, channel: Channel, d: Dictionary, terms: Sequence[int]
+        cls,
+        model: Model,
+        y: Floats,
+        segments: Sequence[Integers],
+        kernels: Sequence[Kernel],
+        channel: Channel,
+        d: Dictionary,
+        terms: Sequence[int] = (),
+        false: int = 0,
     ) -> _Beside:
         """Noise beside some terms, and the causes that are no noise if it is that.
 
         From no cause on whose place is sought: beside all of them, at their best places, noise
         would have no more than half of its slow part.
         """
-        segments = _segments(model)
         blocks = [d.block(number) for number in terms]
         own = replace(channel, fixed=np.concatenate([channel.fixed, *blocks], axis=1))
         basis, sought = basis_beside(y, replace(own, sought=())), 0.0
-        paid = sum(float(d.chance_of(x.shape[1])) + UNNAMED_TERM_PENALTY for x in blocks)
+        ranks = [x.shape[1] for x in blocks] + [2] * false
+        paid = sum(float(d.chance_of(rank)) + UNNAMED_TERM_PENALTY for rank in ranks)
         for _ in range(ROUNDS):
-            score, noise = _likeliest(y, basis, segments)
+            score, noise = _likeliest(y, basis, segments, kernels)
             before = basis
             basis, costs = likely_beside(y, own, noise, segments)
             same = basis.shape == before.shape
@@ -139,12 +184,13 @@ class _Beside:
                 break
             sought = costs
         score += sought + paid
-        return cls(model, y, channel, d, tuple(terms), noise, before, score)
+        what = (model, y, segments, kernels, channel, d, tuple(terms), false)
+        return cls(*what, noise, before, score)
 
     @property
     def whiten(self) -> Whitener:
         """What makes the noise white."""
-        return Whitener(tuple((rows, self.noise) for rows in _segments(self.model)))
+        return Whitener(tuple((rows, self.noise) for rows in self.segments))
 
     def grown(self) -> _Beside:
         """With false readings, which are no noise, and terms that are likely beside the noise."""
@@ -153,24 +199,26 @@ class _Beside:
         best = self
         if len(far):
             ways = np.stack([*self.model.components.values()], axis=1)
-            steps = [np.where(np.arange(len(ways))[:, None] < i, 0.0, ways) for i in far]
+            place = np.argsort(np.concatenate(self.segments))[:, None]
+            steps = [np.where(place < place[i], 0.0, ways) for i in far]
             fixed = [self.channel.fixed, np.eye(len(self.y))[:, far], *steps]
             own = replace(self.channel, fixed=np.concatenate(fixed, axis=1))
-            best = self._with(own, self.terms)
-        while len(best.terms) < MAX_STRUCTURE and best.noise.order:
+            best = replace(self, channel=own, false=len(far))._with(self.terms)
+        while len(best.terms) < MAX_STRUCTURE and (best.noise.order or not best.kernels):
             white, basis = best._left()
             d = Dictionary(self.model, np.arange(len(self.y)), best.whiten, self.d)
             term = beside_a_term(d, white, basis, NO_FLOOR)[2]
             if term is None:
                 break
-            other = best._with(best.channel, (*best.terms, term))
+            other = best._with((*best.terms, term))
             if other.score >= best.score:
                 break
             best = other
         return best
 
-    def _with(self, channel: Channel, terms: Sequence[int]) -> _Beside:
-        return _Beside.of(self.model, self.y, channel, self.d, terms)
+    def _with(self, terms: Sequence[int]) -> _Beside:
+        what = (self.model, self.y, self.segments, self.kernels, self.channel, self.d)
+        return _Beside.of(*what, terms, self.false)
 
     def _left(self) -> tuple[Floats, Floats]:
         """White noise that is left, and the basis of what is no noise, white and orthonormal."""
@@ -179,8 +227,13 @@ class _Beside:
         return white - basis @ (basis.T @ white), basis
 
 
-def _likeliest(y: Floats, q: Floats, segments: Sequence[Integers]) -> tuple[float, Autoregression]:
-    """Likeliest noise of y beside orthonormal columns q, and its -2 ln L with what it costs."""
+def _likeliest(
+    y: Floats, q: Floats, segments: Sequence[Integers], kernels: Sequence[Kernel]
+) -> tuple[float, Autoregression]:
+    """Likeliest noise of y beside orthonormal columns q, and its -2 ln L with what it costs.
+
+    Of processes of these kernels beside white noise and autoregressions; of none white noise alone.
+    """
     if len(y) > MANY:
         step = PART * -(-len(y) // MANY)
         parts = [rows[i : i + PART] for rows in segments for i in range(0, len(rows), step)]
@@ -188,28 +241,31 @@ def _likeliest(y: Floats, q: Floats, segments: Sequence[Integers]) -> tuple[floa
         y, q = y[some], orth(q[some])
         ends = np.cumsum([len(rows) for rows in parts])[:-1]
         segments = np.split(np.arange(len(some)), ends)
-    walk = fit_wander(y, q, segments, kernel=WALK).noise
-    of_walk = deviance(walk, y, q, segments) + PARAMETERS * float(np.log(len(y)))
+    if not kernels:
+        left = y - q @ (q.T @ y)
+        size = float(left @ left / max(len(y) - q.shape[1], 1)) ** 0.5
+        return deviance(Autoregression(), y, q, segments), Autoregression(sizes=(size,))
     short = fit_noise(y, q, segments)
-    order = int(np.argmax(np.asarray(walk.sizes) <= LARGER * walk.sizes[-1]))
-    walk = Autoregression(walk.predictors[: order + 1], walk.sizes[: order + 1])
-    return min(
-        (of_walk, walk),
-        (penalised(short, y, q, segments), short),
-        key=lambda one: one[0],
-    )
+    found = [(penalised(short, y, q, segments), short)]
+    for kernel in kernels:
+        noise = fit_wander(y, q, segments, kernel=kernel).noise
+        score = deviance(noise, y, q, segments) + PARAMETERS * float(np.log(len(y)))
+        order = int(np.argmax(np.asarray(noise.sizes) <= LARGER * noise.sizes[-1]))
+        kept = Autoregression(noise.predictors[: order + 1], noise.sizes[: order + 1])
+        found.append((score, kept))
+    return min(found, key=lambda one: one[0])
 
 
-def _segments(model: BallbarModel) -> list[Integers]:
+def _segments(model: Model, runs: Sequence[Integers]) -> list[Integers]:
     """Rows of each run, in parts where the groups for cross-validation part it."""
     groups = model.groups
     parts = []
-    for rows in model.path.each():
+    for rows in runs:
         parts += np.split(rows, np.flatnonzero(np.diff(groups[rows])) + 1)
     return parts
 
 
-def _channel(model: BallbarModel, *, sought: bool) -> Channel:
+def _channel(model: Model, *, sought: bool) -> Channel:
     """All readings with the columns that are no noise in them.
 
     ``sought``: with those of effects whose place is not known.
