@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trunnion.base.statistics import RANK_TOLERANCE, Spanned
+from trunnion.base.statistics import RANK_TOLERANCE, Spanned, linear_fit
 from trunnion.base.units import Floats as Array
 from trunnion.diagnosis.effect import Values
 
+DEPENDENT = 1e-9  # of the largest singular value of columns of unit length
 GONE = 1e-12  # of a squared column, what rounding leaves of it
 TRIALS_AT_ONCE = 16
 GRID_ZOOMS = 2
@@ -107,3 +108,9 @@ def zoom_one(name: str, grid: Array, values: Values, gains_of: Callable[[Array],
         values[name] = float(trials[first] + trials[last]) / 2
         low = float(trials[max(first - 1, 0)])
         high = float(trials[min(last + 1, ZOOM_POINTS - 1)])
+
+
+def left_by(columns: Array, r: Array) -> float:
+    """Sum of squares that columns (n, k), of whatever sizes, leave of readings (n,)."""
+    left = r - columns @ linear_fit(columns, r, tolerance=DEPENDENT).solution
+    return float(left @ left)

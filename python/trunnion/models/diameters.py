@@ -33,6 +33,7 @@ from trunnion.diagnosis.noise_in_runs import noise_in_runs
 from trunnion.diagnosis.own_effects import with_own
 from trunnion.diagnosis.ways import Description
 from trunnion.machine.estimate import Estimate
+from trunnion.models.depth_of_cut import in_proportion
 from trunnion.models.passes import along_passes, check_passes, in_order, labels_of
 from trunnion.setup import Setup
 from trunnion.setup.fields import COORDINATE, Number, Part, Section, Vector, key
@@ -439,6 +440,11 @@ class DiameterModel(LinearModel):
             out.append(Covariate("pass", labels, classes=True))
         order = np.arange(len(data), dtype=float)
         return [*out, Covariate("order of measurement", order, sequence=True)]
+
+    def supposed(self, effects: EffectValues) -> Mapping[str, Floats]:
+        """An error in proportion to the depth of cut, where that explains more than causes do."""
+        depth = self.data.depth_mm
+        return {} if depth is None else in_proportion(self, np.asarray(depth), effects)
 
     def whitener(self, residuals: Floats) -> Callable[[Floats], Floats]:
         """Noise with a memory along each pass, if it has one (:mod:`.noise_in_runs`)."""

@@ -17,7 +17,7 @@ from trunnion.base.units import Floats, Integers
 from trunnion.data.ballbar import Ballbar
 from trunnion.diagnosis.effect import ALL_AXES, Effect, EffectLike, EffectValues
 from trunnion.diagnosis.fit import variant_columns
-from trunnion.diagnosis.gains import gains_beside
+from trunnion.diagnosis.gains import gains_beside, left_by
 from trunnion.diagnosis.grid import best_place
 from trunnion.diagnosis.model import Covariate, Model, Nuisance, Readings, Uncertainty
 from trunnion.diagnosis.noise_in_runs import noise_in_runs
@@ -43,7 +43,7 @@ from trunnion.models.ballbar.effects import (
     setup_shift,
 )
 from trunnion.models.ballbar.machine import ThreeAxis, machine_of
-from trunnion.models.ballbar.path import AXES, Path, left_by
+from trunnion.models.ballbar.path import AXES, Path
 from trunnion.models.ballbar.settings import BallbarSettings
 from trunnion.setup import Setup
 

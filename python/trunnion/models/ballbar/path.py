@@ -7,7 +7,6 @@ from functools import cached_property
 
 import numpy as np
 
-from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.data.ballbar import Ballbar
 from trunnion.data.circles import check_sense, check_travel, paths_round
@@ -29,7 +28,6 @@ MIN_TRAVEL_MM = 1e-3
 #: Share of a run's readings that may be left out as at reversals: of a coarse circle they are many.
 MAX_LEFT_OUT = 0.2
 TINY = 1e-300
-DEPENDENT = 1e-9  # of the largest singular value of columns of unit length
 
 
 class Path:
@@ -265,9 +263,3 @@ def _turns_back(tips: Floats) -> Flags:
     for k in np.flatnonzero(np.einsum("ij,ij->i", way[:-1], way[1:]) < TURNS_BACK) + 1:
         out[min(moving[k - 1] + 1, moving[k])] = True
     return out
-
-
-def left_by(columns: Floats, r: Floats) -> float:
-    """Sum of squares that columns (n, k), of whatever sizes, leave of readings (n,)."""
-    left = r - columns @ linear_fit(columns, r, tolerance=DEPENDENT).solution
-    return float(left @ left)
