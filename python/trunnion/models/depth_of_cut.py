@@ -2,8 +2,8 @@
 
 A part that is held at both ends bends most in its middle, as a bent slide makes it; the heat of the
 cut makes it grow as a tool grows. Both are as large as the cut is deep, and of a form that hangs on
-the part. Passes of one depth do not tell them from a cause of the catalogue. Passes of different
-depths do: there about the same shape in proportion to the depth explains more.
+the part. In passes of one depth they look like a cause of the catalogue. In passes of different
+depths about the same shape in proportion to the depth explains more.
 """
 
 from __future__ import annotations
