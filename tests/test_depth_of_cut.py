@@ -87,9 +87,7 @@ def test_it_is_said_what_may_make_the_cause() -> None:
 
 
 @pytest.mark.parametrize("passes", [TO_AND_FRO, ONE_WAY], ids=["to and fro", "one way"])
-@pytest.mark.parametrize(
-    ("shape", "cause"), [(bent_slide, "barrel"), (warm_tool, "tool_heating")], ids=str
-)
+@pytest.mark.parametrize(("shape", "cause"), [(bent_slide, "barrel"), (warm_tool, "tool_heating")])
 def test_what_is_the_same_in_every_pass_is_found(shape: Shape, cause: str, passes: Passes) -> None:
     for seed in SEEDS:
         found = tn.diagnose(*part(seed, shape, passes))
