@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from trunnion.base.statistics import MANY_ROWS, Spanned, linear_fit, spanned
+from trunnion.base.statistics import MANY_ROWS, Spanned, basis_of_all, spanned
 from trunnion.base.units import Floats
 from trunnion.diagnosis.along import Along, Beside, of_ratios
 from trunnion.diagnosis.case import Case
@@ -133,7 +133,7 @@ def _beside(case: Case, f: Fit, own: list[int], y: Floats) -> tuple[Floats | Spa
 def _beside_few(case: Case, f: Fit, own: list[int], y: Floats) -> tuple[Floats, Floats]:
     """Return the same of few rows."""
     others = case.white(np.delete(f.jacobian, own, axis=1))
-    basis = linear_fit(others, np.zeros(len(others)), basis=True).basis
+    basis = basis_of_all(others)
     return basis, y - basis @ (basis.T @ y)
 
 

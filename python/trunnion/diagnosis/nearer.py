@@ -83,11 +83,11 @@ def _beside_others(
         seen = s.reach.that_matter(rest, j)
         about = [case.values[j][v][free.name] for v in c.variant[near].tolist()]
         at = _places(case, c, seen)
-        if (along := looked_at.get((at, (j, *about)))) is None:
+        key = at, (j, *about)
+        if (along := looked_at.get(key)) is None:
             if at not in beside:
                 beside[at] = _beside(alone, c, seen)
-            along = Along.of(case, case.effects[j], free, beside[at], about)
-            looked_at[at, (j, *about)] = along
+            along = looked_at[key] = Along.of(case, case.effects[j], free, beside[at], about)
         together = [*rest, int(near[0])]
         size, penalty = int(c.rank[together].sum()), float(c.penalty[together].sum())
         worst = min(s.best + WITHIN, float(s.score(rss - known, size, penalty)) - LOST)
@@ -166,15 +166,15 @@ def _companies(s: Search, *, few: bool) -> Iterator[tuple[_Blocks, float, float,
             if others not in known_beside:
                 known_beside[others] = _Gains.beside(s, others, several)
             found = known_beside[others]
-            own = -1 if one is None else s.owner[one]
+            own = () if one is None else (s.owner[one],)
             near = found.near if few else np.array([] if one is None else [one], dtype=np.intp)
             acting = {s.owner[b] for b in others}
-            for j in sorted({*c.owner[near].tolist(), own} - acting - {-1}):
-                changes = j == own or touched >> j & 1
+            for j in sorted({*c.owner[near].tolist(), *own} - acting):
+                changes = j in own or touched >> j & 1
                 if found.large[j] and changes and (key := (frozenset(others), j)) not in seen:
                     seen.add(key)
                     every = np.flatnonzero(c.owner == j)
-                    blocks = every if few and j == own else np.intersect1d(near, every)
+                    blocks = every if few and j in own else np.intersect1d(near, every)
                     yield others, found.rss, float(found.known[j]), blocks
 
 

@@ -206,7 +206,7 @@ def _groups(ordered: Floats, floor: float, level: float) -> Iterator[_Group]:
     count = np.arange(min(int(MAX_SHARE * n), n - 5), 0, -1)
     others = n - count
     mad = 0.5 * (ordered[count + (others - 1) // 2] + ordered[count + others // 2])
-    mad = np.maximum(mad, 0.6745 * floor)
+    mad = np.maximum(mad, NORMAL_MEDIAN * floor)
     far = (mad > 0) & (ordered[count - 1] >= 3.5 * mad / NORMAL_MEDIAN)
     count, mad = count[far], mad[far]
     about = np.array(list(accumulate(mad.tolist(), _same_scale)))
@@ -264,7 +264,7 @@ def one_by_one(design: Floats, values: Floats, floor: float = 0.0) -> Integers:
         size[free < CHECKED] = 0.0
         i = int(np.argmax(size))
         typical = size[i] / FAR
-        if typical < floor or _median_beyond(size, n - len(aside), 0.6745 * typical):
+        if typical < floor or _median_beyond(size, n - len(aside), NORMAL_MEDIAN * typical):
             break
         aside.append(i)
         # What the fit to those left makes of a change of this reading, without it: rank one.

@@ -6,7 +6,6 @@ import numpy as np
 import numpy.typing as npt
 
 from trunnion.base.errors import DataError
-from trunnion.base.rows import where
 from trunnion.base.units import Integers
 from trunnion.data.diameters import Diameters
 
@@ -30,7 +29,7 @@ def along_passes(data: Diameters) -> list[Integers]:
     """Row numbers of each pass in order along the part."""
     z = np.asarray(data.z_mm, dtype=np.float64)
     labels = labels_of(data.pass_, len(z))
-    rows = (np.arange(len(z))[where(labels == label)] for label in in_order(labels))
+    rows = (np.flatnonzero(labels == label) for label in in_order(labels))
     return [one[np.argsort(z[one], kind="stable")] for one in rows]
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from trunnion.base.scatter import variances_by_direction
-from trunnion.base.statistics import linear_fit
+from trunnion.base.statistics import basis_of_all
 from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
 from trunnion.probing.model import steps_um
@@ -30,7 +30,7 @@ def scatter_um(
     felt = shares.sum(axis=0) > 0
     if felt.sum() < 2:
         return None
-    basis = linear_fit(jacobian, np.zeros(len(jacobian)), basis=True).basis
+    basis = basis_of_all(jacobian)
     free = 1.0 - np.einsum("ij,ij->i", basis, basis)
     found = variances_by_direction(shares[:, felt], residuals_um, free, NO_SCATTER_UM**2)
     if found is None or np.sqrt(found.min()) < np.max(steps_um(setup, data), initial=0.0):
