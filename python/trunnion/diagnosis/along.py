@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.effect import Effect, Parameter, Values
-from trunnion.diagnosis.gains import Variants, gains_beside, some_at_once
+from trunnion.diagnosis.gains import Variants, gains_at
 from trunnion.diagnosis.grid import best_place
 from trunnion.diagnosis.linearised import affine
 from trunnion.diagnosis.of_some import OfSome
@@ -34,16 +35,23 @@ def of_ratios(effect: Effect) -> Parameter | None:
 class Beside:
     """What else is fitted: the nuisance at which columns are made, and an orthonormal basis (n, q).
 
-    residual: Of the whitened readings that are used, beside the basis (n,). kept: Columns beside
-    the first ``common`` directions of the basis, by effect and places: for all that is beside them.
-    None is kept where ``common`` is 0.
+    residual: Of the whitened readings that are used, beside all (n,). keeps: Whether columns beside
+    the basis are kept. more: Further directions (n, k). kept: These columns, by effect and places:
+    for all that has further directions.
     """
 
     nuisance: Floats
     basis: Floats
     residual: Floats
-    common: int = 0
+    keeps: bool = False
+    more: Floats | None = None
     kept: dict[tuple[str, bytes], tuple[Variants, slice] | None] = field(default_factory=dict)
+
+    @cached_property
+    def directions(self) -> Floats:
+        """All that is fitted, (n, q + k)."""
+        more = self.more
+        return self.basis if more is None else np.concatenate([self.basis, more], axis=1)
 
     @property
     def rss(self) -> float:
@@ -78,14 +86,14 @@ class Along:
         low, high = grid[cells], grid[cells + 1]
         places = np.unique(np.concatenate([low, np.sqrt(low * high), high]))
         new = cls(case, effect, free, beside, places, np.zeros(len(places)))
-        if not beside.common:
+        if not beside.keeps:
             return replace(new, gains=new.at(places)) if new.smooth else new
         columns = new._beside_common()
         if columns is None:
             return new
         variants, at = columns
-        gains = variants.gains(beside.basis[at, beside.common :], beside.residual[at])
-        return replace(new, gains=gains)
+        more = beside.basis[at, :0] if beside.more is None else beside.more[at]
+        return replace(new, gains=variants.gains(more, beside.residual[at]))
 
     def _beside_common(self) -> tuple[Variants, slice] | None:
         """Columns at all places beside what is common, and of which readings they are.
@@ -97,7 +105,7 @@ class Along:
             kept[key] = None
             if self.smooth:
                 own = self.columns(self.places)
-                common = self.beside.basis[own.at, : self.beside.common]
+                common = self.beside.basis[own.at]
                 kept[key] = Variants.of(own.own.transpose(0, 2, 1), common), own.at
         return kept[key]
 
@@ -125,22 +133,15 @@ class Along:
         made = None if known is None else known.piece(self.effect, every)
         if made is None:
             made = case.model.white_columns(start, self.effect, every, case.whiten)
-        if not isinstance(made, OfSome):
-            made = OfSome(made, slice(0, made.shape[1]))
-        return made if case.complete else made.rows(case.rows)
+        return OfSome.of(made).rows(slice(None) if case.complete else case.rows)
 
     def at(self, places: Floats) -> Floats:
         """Gains at places (m,)."""
-
-        def gains(some: Floats) -> Floats:
-            x = self.columns(some)
-            return gains_beside(x.own, self.beside.basis[x.at], self.beside.residual[x.at])
-
-        return some_at_once(gains, places)
+        return gains_at(self.columns, places, self.beside.directions, self.beside.residual)
 
     def sizes(self, place: float) -> Floats:
         """Linear parameters at a place (k,)."""
-        basis = self.beside.basis
+        basis = self.beside.directions
         x = self.columns(np.array([place])).made(0, len(basis))
         left = x - basis @ (basis.T @ x)
         return np.asarray(np.linalg.lstsq(left, self.beside.residual, rcond=None)[0])

@@ -30,11 +30,10 @@ from trunnion.diagnosis.columns import (
     inner,
     neighbours,
     products,
-    squared_products,
     storage,
     unit_blocks,
 )
-from trunnion.diagnosis.multiplied import multiplied
+from trunnion.diagnosis.multiplied import multiplied, squared_products
 
 # The same where the model is known to be incomplete (3 % of its length): or its gaps decide.
 DEPENDENT_INCOMPLETE = 1e-3
@@ -410,8 +409,7 @@ class Candidates:
         at = np.searchsorted(self.owner, alone)
         rank = self.rank[at]
         if len(alone):
-            some = [self.columns(int(b)) for b in at]
-            squares = squared_products(some)
+            squares = squared_products([self._place(int(b)) for b in at], len(self._basis))
             first = np.concatenate([[0], np.cumsum(rank)[:-1]]).astype(np.intp)
             overlap = np.add.reduceat(np.add.reduceat(squares, first, axis=0), first, axis=1)
             same = (np.abs(overlap - rank) < DEPENDENT) & (rank == rank[:, None])

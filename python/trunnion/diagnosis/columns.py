@@ -12,7 +12,6 @@ from typing import Protocol, TypeAlias
 
 import numpy as np
 
-from trunnion.base.rows import at_hand
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.of_some import Beside, OfSome, Orthonormal
@@ -478,16 +477,6 @@ def inners(parts: Sequence[Floats], r: Floats) -> list[Floats]:
         for x, sums in single:
             sums += x[:, some].astype(np.float64) @ own
     return out
-
-
-def squared_products(columns: Sequence[Floats]) -> Floats:
-    """Squares of the inner products of all columns, one a row, with each other (m, m)."""
-    count, n = sum(map(len, columns)), columns[0].shape[1]
-    out = np.zeros((count, count))
-    for some in at_hand(n):
-        own = np.concatenate([x[:, some] for x in columns]).astype(np.float64, copy=False)
-        out += own @ own.T
-    return np.asarray(out**2)
 
 
 def storage(numbers: int) -> type[np.float32 | np.float64]:

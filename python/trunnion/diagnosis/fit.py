@@ -32,6 +32,7 @@ from trunnion.diagnosis.columns import DEPENDENT
 from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.gains import gains_at, zoom_one
 from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.of_some import OfSome
 from trunnion.diagnosis.whitening import Whiten
 
 Flags: TypeAlias = NDArray[np.bool_]
@@ -127,18 +128,6 @@ def beside(parts: Sequence[Array], room: Array | None = None) -> Array:
     if len(parts[0]) < MANY_ROWS:
         return np.concatenate(parts, axis=1)
     return np.concatenate([part.T for part in parts], out=None if room is None else room.T).T
-
-
-def confounded(plain: Fit, along: Array, columns: Array) -> Array:
-    """Combinations of an effect's parameters and the nuisance that change no reading.
-
-    ``along``: jacobian of the plain fit along its directions, whitened, readings used, shape
-    (n, r); ``columns``: of the effect, shape (n, q). Returns one combination a row, (k, p + q).
-    """
-    joined = beside([along, columns])
-    found = linear_fit(joined, np.zeros(len(joined)), tolerance=ABSORBED_SHARE)
-    nuisance, effect = np.split(found.combinations, [along.shape[1]], axis=1)
-    return np.concatenate([nuisance @ plain.directions, effect], axis=1)
 
 
 def fit(
@@ -437,12 +426,12 @@ def _zoom(problem: _Problem, at: _Point) -> None:
             if p.linear:
                 values[e.id][p.name] = 0.0
 
-    def several(e: Effect, trials: Sequence[Values]) -> Array:
-        white = model.white_columns(at.nuisance, e, trials, problem.whiten)
-        return white if problem.all_used else white[:, problem.rows]
+    def several(e: Effect, trials: Sequence[Values]) -> OfSome:
+        white = OfSome.of(model.white_piece(at.nuisance, e, trials, problem.whiten))
+        return white.rows(slice(None) if problem.all_used else problem.rows)
 
     def columns(e: Effect) -> Array:
-        return np.asarray(several(e, [values[e.id]])[0])
+        return several(e, [values[e.id]]).made(0, len(y))
 
     base = problem.used(model.jacobian(at.nuisance, {}))
     if not (problem.every and len(base) >= MANY_ROWS):
@@ -456,7 +445,7 @@ def _zoom(problem: _Problem, at: _Point) -> None:
             if p.linear:
                 continue
 
-            def made(trials: Array, e: Effect = e, name: str = p.name) -> Array:
+            def made(trials: Array, e: Effect = e, name: str = p.name) -> OfSome:
                 return several(e, [Values({**values[e.id], name: t}) for t in trials.tolist()])
 
             gains = partial(gains_at, made, basis=q, residual=residual)

@@ -10,6 +10,7 @@ import numpy as np
 from trunnion.base.statistics import RANK_TOLERANCE, Spanned, linear_fit
 from trunnion.base.units import Floats as Array
 from trunnion.diagnosis.effect import Values
+from trunnion.diagnosis.of_some import OfSome
 
 DEPENDENT = 1e-9  # of the largest singular value of columns of unit length
 GONE = 1e-12  # of a squared column, what rounding leaves of it
@@ -19,21 +20,17 @@ ZOOM_POINTS = 9
 
 
 def gains_at(
-    columns: Callable[[Array], Array], trials: Array, basis: Array | Spanned, residual: Array
+    columns: Callable[[Array], OfSome], trials: Array, basis: Array | Spanned, residual: Array
 ) -> Array:
     """Return :func:`gains_beside` of columns at several values, shape (v,), some at once.
 
-    ``columns``: those at some of the values, (v, n, k).
+    ``columns``: those at some of the values, of the readings that they change.
     """
-    return some_at_once(lambda some: gains_beside(columns(some), basis, residual), trials)
-
-
-def some_at_once(gains: Callable[[Array], Array], trials: Array) -> Array:
-    """Gains at several values, shape (v,), of which columns are made at some at a time."""
     out = np.zeros(len(trials))
     for first in range(0, len(trials), TRIALS_AT_ONCE):
         some = slice(first, first + TRIALS_AT_ONCE)
-        out[some] = gains(trials[some])
+        x = columns(trials[some])
+        out[some] = gains_beside(x.own, basis[x.at], residual[x.at])
     return out
 
 

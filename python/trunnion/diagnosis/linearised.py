@@ -102,7 +102,7 @@ class Linearised:
 
     def _piece(self, effect: Effect, values: Sequence[Values]) -> Floats:
         """Return the same, of the readings that it acts on (v, m, k)."""
-        places, known = self._by_effect.get(effect.id, ({}, np.zeros(0)))
+        places, known = self._known(effect.id)
         keys = [tuple(v.values()) for v in values]
         at = [places.get(key) for key in keys]
         if at == list(range(len(known))):
@@ -121,7 +121,7 @@ class Linearised:
         if missing := {key: v for key, v in values.items() if key not in made}:
             some = [*missing.values()]
             piece = self.model.white_piece(self.nuisance, effect, some, self.whiten)
-            made |= zip(missing, _own(piece).transpose(0, 2, 1), strict=True)
+            made |= zip(missing, OfSome.of(piece).own.transpose(0, 2, 1), strict=True)
         return made
 
     @cached_property
@@ -130,20 +130,27 @@ class Linearised:
         of_some = ((j, x) for j, x in self._kept or () if isinstance(x, OfSome | Orthonormal))
         return {self.model.effects[j].id: x.at for j, x in of_some}
 
+    def _known(self, id_: str) -> tuple[dict[tuple[float, ...], int], Floats]:
+        """White columns of an effect of which all are kept (v, m, k), and at which values each are.
+
+        Joined where they are asked for: those of all effects take long to copy.
+        """
+        places, pieces = self._by_effect.get(id_, ({}, [np.zeros(0)]))
+        if len(pieces) > 1:
+            pieces[:] = [np.concatenate(pieces)]
+        return places, pieces[0]
+
     @cached_property
-    def _by_effect(self) -> dict[str, tuple[dict[tuple[float, ...], int], Floats]]:
-        """White columns of each effect of which all are kept, and at which values each are."""
+    def _by_effect(self) -> dict[str, tuple[dict[tuple[float, ...], int], list[Floats]]]:
+        """The same of each effect, in pieces."""
         pieces: dict[int, list[Floats]] = {}
         # some pieces of an effect may be what its measurement has, and others not
         others = {j for j, x in self._kept or () if not isinstance(x, np.ndarray | OfSome)}
         for j, x in self._kept or ():
             if isinstance(x, np.ndarray | OfSome) and j not in others:
-                pieces.setdefault(j, []).append(_own(x))
+                pieces.setdefault(j, []).append(OfSome.of(x).own)
         places = {j: {tuple(v.values()): i for i, v in enumerate(self.values[j])} for j in pieces}
-        return {
-            self.model.effects[j].id: (places[j], x[0] if len(x) == 1 else np.concatenate(x))
-            for j, x in pieces.items()
-        }
+        return {self.model.effects[j].id: (places[j], x) for j, x in pieces.items()}
 
 
 def _pieces(
@@ -170,13 +177,6 @@ def _pieces(
         most = max(1, batch_numbers(n) // (n * len(effect.parameters)))
         for first in range(0, len(values[j]), most):
             yield j, model.white_piece(nuisance, effect, values[j][first : first + most], whiten)
-
-
-def _own(piece: Floats | OfSome | Orthonormal) -> Floats:
-    """Columns of the readings that an effect acts on, (v, m, k)."""
-    if isinstance(piece, Orthonormal):
-        piece = piece.whole()
-    return piece.own if isinstance(piece, OfSome) else piece
 
 
 def _apart(whiten: Whiten, spread: Spread) -> bool:

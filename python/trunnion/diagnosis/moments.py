@@ -21,6 +21,7 @@ from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Effect, Parameter, Values
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.gains import gains_at
+from trunnion.diagnosis.of_some import OfSome
 
 TRIALS = 128  # values that are tried near the one found
 NEGLIGIBLE = 24.0  # of -2 ln L above the best: a probability of 6e-6 of it
@@ -43,9 +44,10 @@ def moment_errors(case: Case, effect: Effect, f: Fit, variance: float) -> dict[s
     def gains(name: str, trials: Floats) -> Floats:
         """Drop of RSS / variance by the effect with each of these values, (t,)."""
 
-        def columns(some: Floats) -> Floats:
+        def columns(some: Floats) -> OfSome:
             every = [Values({**fitted, name: trial}) for trial in some.tolist()]
-            return case.model.white_columns(f.nuisance, effect, every, case.whiten)[:, case.rows]
+            made = case.model.white_piece(f.nuisance, effect, every, case.whiten)
+            return OfSome.of(made).rows(slice(None) if case.complete else case.rows)
 
         return gains_at(columns, trials, basis, y) / variance
 

@@ -5,16 +5,18 @@ in the same readings is multiplied with them.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import groupby
+from itertools import combinations_with_replacement, groupby, pairwise, starmap
 
 import numpy as np
 
+from trunnion.base.rows import ROWS_AT_HAND
 from trunnion.base.units import Floats
 from trunnion.diagnosis.columns import Part, inner, products
 from trunnion.diagnosis.of_some import Beside
 
-Places = Mapping[int, tuple[Floats | Part, slice]]
-"""The part that holds the columns of each of some blocks, and which of it they are."""
+Place = tuple[Floats | Part, slice]
+"""The part that holds the columns of a block, and which of it they are."""
+Places = Mapping[int, Place]
 
 
 def multiplied(
@@ -59,3 +61,35 @@ def _of_some(parts: Sequence[Floats | Part], r: Floats, at: slice, n: int) -> Fl
             whole[at] = r
             found.append(x.times(whole))
     return np.concatenate(found)
+
+
+def squared_products(places: Sequence[Place], n: int) -> Floats:
+    """Squares of the inner products of all columns of some blocks with each other, (m, m).
+
+    n: Count of the readings.
+    """
+    first = np.cumsum([0, *(some.stop - some.start for _, some in places)]).tolist()
+    groups: dict[tuple[int, int], tuple[list[int], list[Floats]]] = {}  # by their readings
+    for (part, some), numbers in zip(places, starmap(range, pairwise(first)), strict=True):
+        bounds = _bounds(part)
+        own = part.own[some] if isinstance(part, Beside) and bounds else part[some]
+        group = groups.setdefault((bounds[0], bounds[1]) if bounds else (0, n), ([], []))
+        group[0].extend(numbers)
+        group[1].append(own)
+    out = np.zeros((first[-1], first[-1]))
+    for one, other in combinations_with_replacement(groups.items(), 2):
+        (begin, end), (i, columns) = one
+        (begin_other, end_other), (j, others) = other
+        made = np.zeros((len(i), len(j)))
+        for row in range(max(begin, begin_other), min(end, end_other), ROWS_AT_HAND):
+            stop = min(row + ROWS_AT_HAND, end, end_other)
+            x = _rows(columns, slice(row - begin, stop - begin))
+            y = _rows(others, slice(row - begin_other, stop - begin_other))
+            made += x @ y.T
+        out[np.ix_(i, j)], out[np.ix_(j, i)] = made, made.T
+    return out**2
+
+
+def _rows(columns: Sequence[Floats], some: slice) -> Floats:
+    """Some rows of columns, (m, r)."""
+    return np.concatenate([x[:, some] for x in columns]).astype(np.float64, copy=False)

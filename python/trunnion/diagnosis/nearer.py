@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from trunnion.base.rows import where
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.along import MIN_PLACES, Along, Beside, of_ratios
@@ -42,8 +43,8 @@ def search_between(case: Case) -> Search:
     """
     white, basis, floor = case.plain.white, case.plain.basis, case.floor
     s = search(case.candidates, white, floor=floor)
-    kept = basis.shape[1] if len(white) < MANY_ROWS else 0  # columns of many rows take memory
-    alone = Beside(case.linearised.nuisance, basis, white, kept)
+    few = len(white) < MANY_ROWS  # columns of many rows take memory
+    alone = Beside(case.linearised.nuisance, basis, white, few)
     looked_at = dict[_Key, Along]()
     for _ in range(0 if case.dependent else MAX_ROUNDS):
         further = _beside_others(case, s, alone, looked_at)
@@ -59,10 +60,14 @@ def _beside(alone: Beside, c: Candidates, blocks: Sequence[int]) -> Beside:
     """What blocks of candidates leave of what the nuisance alone does."""
     if not blocks:
         return alone
-    columns, r = np.concatenate([c.columns(b) for b in blocks]).T, alone.residual
-    own = np.linalg.qr(columns.astype(np.float64))[0]
-    basis = np.concatenate([alone.basis, own], axis=1)
-    return replace(alone, basis=basis, residual=r - own @ (own.T @ r))
+    columns, r = np.concatenate([c.columns(b) for b in blocks]), alone.residual.copy()
+    # What is one measurement's own is zero in all others.
+    acting = where(np.any(columns != 0, axis=0))
+    own = np.linalg.qr(columns[:, acting].T.astype(np.float64))[0]
+    more = np.zeros((len(r), own.shape[1]))
+    more[acting] = own
+    r[acting] -= own @ (own.T @ r[acting])
+    return replace(alone, more=more, residual=r)
 
 
 def _beside_others(

@@ -22,6 +22,13 @@ class OfSome:
     own: Floats
     at: slice
 
+    @classmethod
+    def of(cls, made: "Floats | OfSome | Orthonormal") -> "OfSome":
+        """Return columns as such: those of all readings are of all."""
+        if isinstance(made, np.ndarray):
+            return cls(made, slice(0, made.shape[1]))
+        return made.whole() if isinstance(made, Orthonormal) else made
+
     def __len__(self) -> int:
         """Count of the variants."""
         return len(self.own)

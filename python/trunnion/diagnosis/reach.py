@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import reduce
-from operator import or_
 
 import numpy as np
 
@@ -69,7 +67,7 @@ class Reach:
 
     def gains_beside(self, blocks: Sequence[int], further: range) -> tuple[float, Floats]:
         """What a set leaves (RSS), and by how much less each of further blocks beside it would."""
-        parts = list(self.parts(blocks))
+        parts = self.parts(blocks)
         first, last = self._owner[further.start], self._owner[further.stop - 1]
         if first == last:
             own = _joined(some for some, touched in parts if touched >> first & 1)
@@ -91,12 +89,13 @@ class Reach:
 
     def at_variants(self, blocks: Sequence[int]) -> Iterator[AtVariants]:
         """What a set would leave with each variant of its causes that have several."""
-        parts = list(self.parts(blocks))
-        for part in parts:
-            found = self._of_variants(part[0])
+        parts = self.parts(blocks)
+        whole = self._empty.rss
+        more = [self._beside(own, range(0))[0] - whole for own, _ in parts]
+        for i, (own, _) in enumerate(parts):
+            found = self._of_variants(own)
             if found is not None:
-                others = self._left([other for other in parts if other is not part])
-                yield found.with_more(others - self._empty.rss)
+                yield found.with_more(sum(more[:i]) + sum(more[i + 1 :]))
 
     def _of_variants(self, part: _Blocks) -> AtVariants | None:
         """What a part would leave with each variant of its causes; None: none has several."""
@@ -127,24 +126,25 @@ class Reach:
             self._gains[key] = self._core.gains_beside(self._empty, rows, *key[1:])
         return self._gains[key]
 
-    def parts(self, blocks: Sequence[int]) -> Iterator[tuple[_Blocks, int]]:
+    def parts(self, blocks: Sequence[int]) -> list[tuple[_Blocks, int]]:
         """Parts of a set that have nothing in common: blocks, and bits of what these touch.
 
         At these places of their causes or others.
         """
-        every = [(b, 1 << self._owner[b], self._touching(b)) for b in sorted(blocks)]
-        left = sum(bit for _, bit, _ in every)
-        while left:
-            fresh = own = left & -left
-            while fresh:  # and what is found on the way
-                left &= ~fresh
-                near = 0
-                for j in _bits(fresh):
-                    near |= self._reached[j]
-                fresh = near & left
-                own |= fresh
-            inside = [(b, touched) for b, bit, touched in every if own & bit]
-            yield tuple(b for b, _ in inside), reduce(or_, (touched for _, touched in inside))
+        ordered = sorted(blocks)
+        touched = [self._touching(b) for b in ordered]  # after which it is known both ways
+        found: list[tuple[int, list[int], int]] = []  # bits of their causes, blocks, touched
+        for b, more in zip(ordered, touched, strict=True):
+            j = self._owner[b]
+            bits, own, reached, apart = 1 << j, [b], self._reached[j], []
+            for part in found:
+                if part[0] & reached:
+                    bits, own, more = bits | part[0], [*part[1], *own], more | part[2]
+                else:
+                    apart.append(part)
+            found = [*apart, (bits, own, more)]
+        ends = sorted((sorted(own), more) for _, own, more in found)
+        return [(tuple(own), more) for own, more in ends]
 
     def _touching(self, block: int) -> int:
         """Bits of the candidates with which a block has something in common."""
@@ -169,11 +169,3 @@ class Reach:
 def _joined(parts: Iterable[_Blocks]) -> _Blocks:
     """Blocks of some parts, in order."""
     return tuple(sorted(b for part in parts for b in part))
-
-
-def _bits(mask: int) -> Iterator[int]:
-    """Numbers of the bits of a mask."""
-    while mask:
-        lowest = mask & -mask
-        yield lowest.bit_length() - 1
-        mask ^= lowest

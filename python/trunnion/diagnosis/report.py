@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.at_ends import notes_at_ends
 from trunnion.diagnosis.candidates import Candidates
@@ -17,7 +18,7 @@ from trunnion.diagnosis.doubt import Doubt
 from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.explain import MIN_EXPLAINED, with_behind
 from trunnion.diagnosis.explanation import Explanation
-from trunnion.diagnosis.fit import Fit, confounded, first_values, variant_columns
+from trunnion.diagnosis.fit import ABSORBED_SHARE, Fit, first_values, variant_columns
 from trunnion.diagnosis.in_steps import as_read
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.moments import determined, moment_errors, other_optima
@@ -330,7 +331,7 @@ def _absorbed(
         (placement, PLACED_ONLY),
         ({name: SEEN for name, s in machine.items() if np.isinf(s)}, LEFT_OPEN),
     )
-    along = case.white(plain.jacobian) @ plain.directions.T
+    along = (plain.basis.T @ case.white(plain.jacobian)) @ plain.directions.T
     rank = dict.fromkeys(map(int, candidates.not_identifiable), 0)
     largest = np.zeros(candidates.count, dtype=np.intp)  # of the blocks of each leader
     np.maximum.at(largest, candidates.owner, candidates.rank)
@@ -344,7 +345,7 @@ def _absorbed(
         columns = variant_columns(case.model, effect, plain.nuisance, [start])[0]
         units = {f"{effect.id}.{p.name}": p.unit for p in linear}
         names = [*(x.name for x in case.model.nuisance), *units]
-        rows = confounded(plain, along, case.white(columns))
+        rows = _confounded(plain, along, case.white(columns))
         combinations = [dict(zip(names, row, strict=True)) for row in rows]
         said = ((bias_in_words(combinations, units, errors), what) for errors, what in known)
         bias, what = next(((bias, what) for bias, what in said if bias), ("", ""))
@@ -354,6 +355,20 @@ def _absorbed(
             out[effect.id] = f"{PARTLY_ABSORBED}: {bias}"
             parts[effect.id] = f"{bias}, unnoticed"
     return out, parts
+
+
+def _confounded(plain: Fit, along: Floats, columns: Floats) -> Floats:
+    """Combinations of nuisance and an effect's parameters that change no reading, (k, p + q).
+
+    ``along``: white jacobian of the plain fit along its directions, in its basis, (r, r);
+    ``columns``: white ones of the effect, readings used, (n, q).
+    """
+    share = plain.basis.T @ columns
+    left = np.linalg.qr(columns - plain.basis @ share, mode="r")
+    joined = np.block([[along, share], [np.zeros((len(left), len(along))), left]])
+    found = linear_fit(joined, np.zeros(len(joined)), tolerance=ABSORBED_SHARE)
+    nuisance, effect = np.split(found.combinations, [along.shape[1]], axis=1)
+    return np.concatenate([nuisance @ plain.directions, effect], axis=1)
 
 
 def _verdict(

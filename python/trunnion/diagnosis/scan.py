@@ -307,14 +307,18 @@ class Dictionary:
             known = self._known[id(f)] = (f, *self.gains(f.white, f.basis))
         return known[1], known[2]
 
-    def gains(self, r: Floats, basis: Floats) -> tuple[Floats, Integers]:
+    def gains(
+        self, r: Floats, basis: Floats, sums: Floats | None = None
+    ) -> tuple[Floats, Integers]:
         """Gain in RSS of every term alone, and how many columns it adds.
 
         ``r``: residuals (n,), or many of them (n, s), orthogonal to ``basis`` (n, q), which holds
-        all that is fitted. Shapes (t,) or (t, s), and (t,).
+        all that is fitted; ``sums``: of those with these weights (s, m) instead. Shapes (t,) or
+        (t, s), and (t,).
         """
         several = r.reshape(len(r), -1)
-        gain = np.zeros((self.count, several.shape[1]))
+        count = several.shape[1] if sums is None else sums.shape[1]
+        gain = np.zeros((self.count, count))
         rank = np.zeros(self.count, dtype=np.intp)
         if self._beside is None or self._beside[0] is not basis:
             both = [part.beside(basis, several) for part in self._parts]
@@ -322,11 +326,12 @@ class Dictionary:
             along = [own for _, own in both]
         else:
             along = [part.products(several) for part in self._parts]
-        for part, taken, own in zip(self._parts, self._beside[1], along, strict=True):
-            for x, t, z in zip(part.wide, taken, own, strict=True):
-                gain[x.numbers], rank[x.numbers] = x.gains(t, z)
+        for part, taken, products in zip(self._parts, self._beside[1], along, strict=True):
+            for x, t, z in zip(part.wide, taken, products, strict=True):
+                own = z if sums is None else z @ sums
+                gain[x.numbers], rank[x.numbers] = x.gains(t, own)
         gain[self._hidden], rank[self._hidden] = 0.0, 0
-        return gain.reshape((-1, *r.shape[1:])), rank
+        return gain[:, 0] if r.ndim == 1 else gain, rank
 
     def block(self, term: int) -> Floats:
         """Columns of a term, shape (n, k)."""
@@ -472,8 +477,8 @@ class Dictionary:
                 near_it = int(np.argmin(np.abs(scanned - place)))
                 yield x.first + near_it * len(x.ways) + way, place
 
-    def refined(self, gain: Floats, r: Floats, basis: Floats) -> Floats:
-        """Gains (t, s) for residuals (n, s), that of the best local error at its best variant.
+    def refined(self, gain: Floats, r: Floats, basis: Floats, sums: Floats | None = None) -> Floats:
+        """Gains (t, s) as of :meth:`gains`, that of the best local error at its best variant.
 
         Of a large one its neighbours of the scan leave more than many causes do.
         """
@@ -486,7 +491,7 @@ class Dictionary:
             own = np.flatnonzero(best == term)
             columns, at = self._variants(term)[:, :, 0], self.readings(term)
             square = np.sum(columns**2, axis=1) - np.sum((columns @ basis[at]) ** 2, axis=1)
-            along = columns @ r[at][:, own]
+            along = columns @ (r[at][:, own] if sums is None else r[at] @ sums[:, own])
             most = np.max(along**2 / np.maximum(square, DEPENDENT)[:, None], axis=0)
             gain[term, own] = np.maximum(gain[term, own], most)
         return gain

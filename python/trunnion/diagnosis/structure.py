@@ -19,6 +19,7 @@ from trunnion.diagnosis.explanation import Explanation
 from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.formula import FormulaEffect
 from trunnion.diagnosis.model import Model, Uncertainty
+from trunnion.diagnosis.of_some import OfSome, Orthonormal
 from trunnion.diagnosis.records import (
     labelled,
     parameter_table,
@@ -148,6 +149,13 @@ class _ModelWith:
         if effect.id == self.more.id:
             return Model.white_columns(cast("Model", self), nuisance, effect, values, whiten)
         return self.inner.white_columns(nuisance, effect, values, whiten)
+
+    def white_piece(
+        self, nuisance: Floats, effect: Effect, values: Sequence[Values], whiten: Whiten
+    ) -> Floats | OfSome | Orthonormal:
+        if effect.id == self.more.id:
+            return self.white_columns(nuisance, effect, values, whiten)
+        return self.inner.white_piece(nuisance, effect, values, whiten)
 
     def location_errors(self, nuisance: Floats, effects: EffectValues) -> dict[str, float]:
         return self.inner.location_errors(nuisance, self._without(effects))

@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +17,7 @@ from trunnion.diagnosis.moments import moments_of, without_one
 from trunnion.diagnosis.scan import UNNAMED_TERM_PENALTY, Term
 from trunnion.diagnosis.scorer import SCORE_DIGITS
 from trunnion.diagnosis.selection import WITHIN, Found
+from trunnion.diagnosis.whitening import Whiteners
 
 MAX_TERMS = 10
 MAX_SENTENCES = 3
@@ -62,11 +63,13 @@ def stands_for_causes(case: Case, best: Found) -> bool:
     if one_term_score(case, case.plain) < best.score:
         return True
     plain, d = case.plain, case.dictionary
-    sums, paid = _sums(case, best, _parts(case, best, plain.white), 2)
-    gain, rank = d.gains(sums, plain.basis)
-    gain = d.refined(gain, sums, plain.basis)
-    left = np.einsum("ij,ij->j", sums, sums) - gain
-    worse = left / case.floor.noise(best.rss, plain.dof) - paid
+    made = _Made.of(case, best, 2)
+    if not len(made.paid):  # each in a measurement of its own
+        return False
+    gain, rank = d.gains(made.columns, plain.basis, made.weights)
+    gain = d.refined(gain, made.columns, plain.basis, made.weights)
+    left = made.squares - gain
+    worse = left / case.floor.noise(best.rss, plain.dof) - made.paid
     worse += term_penalty(case, plain)[:, None]
     return bool(np.any(worse[rank > 0] < 2 * WITHIN))
 
@@ -81,7 +84,7 @@ def standing_at_once(case: Case, best: Found) -> list[int]:
     if not (best.blocks and d.at_once):
         return []
     instead = _Instead.of(case, best)
-    gain, rank, penalty = _at_once(case, plain, *d.gains(instead.sums, plain.basis))
+    gain, rank, penalty = _at_once(case, plain, *instead.gains())
     about = np.where(rank > 0, instead.worse(gain, penalty), np.inf)
     some = np.flatnonzero(about < 2 * WITHIN)
     value = instead.exactly((d.count + some).tolist(), penalty[some])
@@ -90,37 +93,82 @@ def standing_at_once(case: Case, best: Found) -> list[int]:
 
 
 @dataclass(frozen=True, eq=False)
+class _Made:
+    """What some causes of a set make together: sums of what each of them makes.
+
+    columns: What each makes, (n, c). weights: Of each in the sums, (c, s). paid: Penalties of the
+    causes of each sum, (s,).
+    """
+
+    columns: Floats
+    weights: Floats
+    paid: Floats
+
+    @classmethod
+    def of(cls, case: Case, best: Found, least: int) -> "_Made":
+        """Return that of ``least`` or more causes of a set."""
+        parts = _parts(case, best, case.plain.white)
+        together = _together(case, parts, least)
+        weights = np.zeros((len(parts), len(together)))
+        for i, some in enumerate(together):
+            weights[list(some), i] = 1.0
+        paid = case.candidates.penalty[list(best.blocks)] @ weights
+        return cls(np.stack(parts, axis=1), weights, np.asarray(paid))
+
+    def beside(self, left: Floats) -> "_Made":
+        """Return the same with what is left beside all causes of the set, (n,)."""
+        columns = np.column_stack([self.columns, left])
+        return replace(
+            self,
+            columns=columns,
+            weights=np.concatenate([self.weights, np.ones((1, len(self.paid)))]),
+        )
+
+    @property
+    def squares(self) -> Floats:
+        """Sum of squares of each sum, (s,)."""
+        products = self.columns.T @ self.columns
+        return np.asarray(np.einsum("is,is->s", self.weights, products @ self.weights))
+
+
+@dataclass(frozen=True, eq=False)
 class _Instead:
     """What some causes of a set make, with what the set leaves: a term may be there instead.
 
-    sums: One, two or more of them (n, s). least: -2 ln L that the set has, with what these causes
-    cost (s,).
+    least: -2 ln L that the set has, with what these causes cost (s,).
     """
 
     case: Case
-    sums: Floats
+    made: _Made
     least: Floats
 
     @classmethod
     def of(cls, case: Case, best: Found) -> "_Instead":
         """Return that of a set."""
         white, dof = case.plain.white, case.plain.dof
-        parts = _parts(case, best, white)
-        sums, paid = _sums(case, best, parts, 1)
-        sums += (white - np.sum(parts, axis=0))[:, None]
-        return cls(case, sums, case.floor.deviance(best.rss, dof) + paid)
+        made = _Made.of(case, best, 1)
+        made = made.beside(white - made.columns.sum(axis=1))
+        return cls(case, made, case.floor.deviance(best.rss, dof) + made.paid)
+
+    def gains(self) -> tuple[Floats, Integers]:
+        """Gains of the terms of one component, (t, s), and how many columns they add, (t,)."""
+        d, basis = self.case.dictionary, self.case.plain.basis
+        return d.gains(self.made.columns, basis, self.made.weights)
 
     def worse(self, gain: Floats, penalty: Floats) -> Floats:
         """By how much less is explained with terms instead, which gain so much, (t, s): (t,)."""
         plain, floor = self.case.plain, self.case.floor
-        left = np.maximum(np.einsum("ij,ij->j", self.sums, self.sums) - gain, MIN_LEFT * plain.rss)
-        more = np.min(floor.deviance(left, plain.dof) - self.least, axis=1)
+        left = np.maximum(self.made.squares - gain, MIN_LEFT * plain.rss)
+        more = np.min(floor.deviance(left, plain.dof) - self.least, axis=1, initial=np.inf)
         return np.asarray(more + penalty)
 
     def exactly(self, terms: Sequence[int], penalty: Floats) -> Floats:
         """Return the same by all that terms add to what is fitted, (t,)."""
-        each = [np.sum((directions(self.case, i).T @ self.sums) ** 2, axis=0) for i in terms]
-        return self.worse(np.reshape(each, (len(terms), self.sums.shape[1])), penalty)
+        columns, weights = self.made.columns, self.made.weights
+        each = [
+            np.sum((directions(self.case, i).T @ columns @ weights) ** 2, axis=0) for i in terms
+        ]
+        return self.worse(np.reshape(each, (len(terms), weights.shape[1])), penalty)
 
 
 def with_places(case: Case, terms: Sequence[int], fits: Sequence[Fit]) -> list[Competing]:
@@ -152,18 +200,18 @@ def jumps_instead(case: Case, f: Fit) -> list[Competing]:
     return [Competing(i, tuple(sorted(some))) for i, some in places.items()]
 
 
-def _sums(case: Case, best: Found, parts: Sequence[Floats], least: int) -> tuple[Floats, Floats]:
-    """What ``least`` or more causes of a set make together, (n, s), and their penalties, (s,).
+def _together(case: Case, parts: Sequence[Floats], least: int) -> list[tuple[int, ...]]:
+    """``least`` or more causes that act in one measurement, of those of a set; few of them first.
 
-    ``parts``: what each of them makes, (n,).
+    A term of one measurement stands for nothing of another one.
     """
-    count = len(best.blocks)
-    every = (itertools.combinations(range(count), k) for k in range(least, count + 1))
-    together = list(itertools.islice(itertools.chain.from_iterable(every), MAX_SUMS))
-    sums = np.stack([np.sum([parts[i] for i in some], axis=0) for some in together], axis=1)
-    penalty = case.candidates.penalty
-    paid = np.array([sum(penalty[best.blocks[i]] for i in some) for some in together])
-    return sums, paid
+    whole = [slice(None)]
+    measured = [at for at, _ in case.whiten.parts] if isinstance(case.whiten, Whiteners) else whole
+    acting = [[i for i, own in enumerate(parts) if np.any(own[at])] for at in measured]
+    sizes = range(least, max(map(len, acting)) + 1)
+    every = (itertools.combinations(some, k) for k in sizes for some in acting)
+    distinct = dict.fromkeys(itertools.chain.from_iterable(every))
+    return list(itertools.islice(distinct, MAX_SUMS))
 
 
 def _parts(case: Case, f: Found, whole: Floats) -> list[Floats]:
