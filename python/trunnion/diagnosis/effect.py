@@ -170,6 +170,11 @@ class Effect:
     spread: Spread | None = None
 
     @property
+    def ordinary(self) -> bool:
+        """Whether it is one of the candidates that share their odds."""
+        return not (self.expected or self.rare or self.level)
+
+    @property
     def linear(self) -> bool:
         """Whether every parameter is linear."""
         return all(p.linear for p in self.parameters)

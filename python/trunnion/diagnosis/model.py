@@ -209,8 +209,7 @@ class Model:
     inside:
         Those that are linearised at a size, not where they vanish (:meth:`near`).
     tool_sense:
-        -1 where a tool that is further along an axis than commanded makes readings of that
-        component smaller: a probe that is too far ahead triggers early.
+        -1 where a tool too far along an axis makes its readings smaller: a probe triggers early.
     """
 
     data: Any
@@ -220,6 +219,7 @@ class Model:
     known_noise: Whiten | None = None
     inside: frozenset[str] = frozenset()
     tool_sense: float = 1.0
+    cycles: Integers | None = None  # of each reading (n,), that each measure all; None: one
     together: bool = False  # how many causes act is not known: one makes others likelier
 
     def base(self, nuisance: Floats) -> Floats:

@@ -16,6 +16,7 @@ from trunnion.diagnosis.plain import case_of
 MAX_STEPS = 8
 SETTLED = 1e-9  # of the residual's squares
 MAX_POINTS = 8
+MIN_CYCLES = 3  # whose scatter says something
 SAME = 0.01  # of its standard error, by which a value may still move
 EXACT = 1e-6  # of a value that is known without noise
 
@@ -25,8 +26,12 @@ class Refit:
     """Linear parameters of a model with some effects, its nonlinear ones held.
 
     names: nuisance, then effects' as "id.parameter", p of them. values: (p,). covariance: (p, p).
-    not_identifiable: (p,). degrees_of_freedom: of the noise. columns: of every reading, (n, p).
-    rss: what is left of white readings, squared.
+    not_identifiable: (p,). degrees_of_freedom: of the noise. free: degrees of freedom of each
+    standard error, (p,). columns: of every reading, (n, p). rss: what is left of white readings,
+    squared.
+
+    Where the measurement is one run several times, standard errors are no less than the scatter of
+    the runs says: what differs from run to run is no noise of a reading.
     """
 
     names: tuple[str, ...]
@@ -34,6 +39,7 @@ class Refit:
     covariance: Floats
     not_identifiable: Floats
     degrees_of_freedom: int
+    free: Floats
     columns: Floats
     rss: float
 
@@ -126,4 +132,26 @@ def _fitted(model: Model, effects: Mapping[str, Mapping[str, float]], outliers: 
     names += [f"{e.id}.{p.name}" for e in used for p in e.parameters if p.linear]
     rss = float(left @ left)
     covariance = solved.cofactor * float(case.floor.noise(rss, dof))
-    return Refit(tuple(names), at, covariance, lost, dof, every, rss)
+    grown, free = np.ones(len(at)), np.full(len(at), float(dof))
+    if model.cycles is not None:
+        moved = _moved_by_cycles(case.white(every) * left[:, None], model.cycles[case.rows])
+        scatter = np.sum((moved @ solved.cofactor) ** 2, axis=0)
+        known = np.diag(covariance) > 0
+        grown[known] = np.sqrt(np.maximum(scatter[known] / np.diag(covariance)[known], 1.0))
+        free = np.where(grown > 1, len(moved) - 1.0, free)
+    covariance = covariance * np.outer(grown, grown)
+    return Refit(tuple(names), at, covariance, lost, dof, free, every, rss)
+
+
+def _moved_by_cycles(pulls: Floats, runs: Integers) -> Floats:
+    """What each run moves the sides of the normal equations, by what each reading does (n, p).
+
+    The sum of their squares is the covariance, (r, p); of too few runs none. Residuals of runs that
+    are fitted together are smaller than theirs by themselves (a jackknife of groups, MacKinnon and
+    White 1985).
+    """
+    index = np.unique(runs, return_inverse=True)[1].reshape(-1)
+    count = int(index.max()) + 1
+    moved = np.zeros((count, pulls.shape[1]))
+    np.add.at(moved, index, pulls)
+    return moved * np.sqrt(count / (count - 1)) if count >= MIN_CYCLES else moved[:0]

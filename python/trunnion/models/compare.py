@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy import special
 
 from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
@@ -32,34 +31,17 @@ from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.machine.geometry import of_one_machine
 from trunnion.models.changes import (
-    Change,
     MachineComparison,
-    Trend,
     done_otherwise,
     meaning,
     not_compared,
 )
 from trunnion.models.dates import days_of, names_of
+from trunnion.models.judged import Value, Vector, change_of, change_of_many, judged, trends_of
 from trunnion.models.kinds import as_table, diagnose
 from trunnion.models.temperatures import with_temperatures
 
-COVERAGE = 0.95
 MAX_COMPARED_PARAMETERS = 3  # of an effect; of one with more the rms of what it does is compared
-INDIVIDUALS = 2.66  # 3 / 1.128: limits by the mean moving range of two
-MIN_STD = 1e-12  # relative to the values: of data without noise
-SINGULAR = 1e-9
-
-
-@dataclass(frozen=True)
-class _Value:
-    """A quantity of one measurement; `free` is of its standard uncertainty."""
-
-    value: float
-    std: float
-    free: float = math.inf
-    unit: str = ""
-    owner: str = Owner.MACHINE.value
-    label: str = ""
 
 
 @dataclass(frozen=True)
@@ -67,21 +49,9 @@ class _Source:
     """What is known of one measurement; `made`: the estimate, if it is one or has one."""
 
     kind: str
-    values: dict[str, _Value]
+    values: dict[str, Value]
     diagnosis: Diagnosis | None = None
     made: Any = None
-
-
-@dataclass(frozen=True)
-class _Vector:
-    """Many parameters of one effect in one measurement, and what they do to its readings."""
-
-    values: Floats
-    covariance: Floats
-    columns: Floats
-    free: float
-    unit: str
-    label: str
 
 
 @checked
@@ -144,7 +114,7 @@ def compare(
     notes = list(of_one_machine([s.made for s in sources]))
     shown = names_of(names, dates, len(sources))
     doubts = (getattr(s.diagnosis, "mistakes", ()) for s in sources)
-    vectors: dict[str, tuple[_Vector, ...]] = {}
+    vectors: dict[str, tuple[Vector, ...]] = {}
     if diagnosed:
         found = _joined(_of_standard([d.data for d in diagnosed], notes))
         fitted, vectors = _fitted(shown, diagnosed, notes)
@@ -161,12 +131,12 @@ def compare(
     }
     if wrong := sorted(set(uncertainty or {}) - set(known)):
         raise InputError(f"uncertainty: got {wrong[0]!r}, expected one of {', '.join(known)}")
-    tested = [_change(name, v[0], v[-1]) for name, v in known.items()]
-    tested += [_of_many(name, v[0], v[-1]) for name, v in vectors.items()]
+    tested = [change_of(name, v[0], v[-1]) for name, v in known.items()]
+    tested += [change_of_many(name, v[0], v[-1]) for name, v in vectors.items()]
     made = MachineComparison(
         names=shown,
-        quantities=_judged(tested, level),
-        trends=_trends(known, days, level) if len(sources) > 2 else (),
+        quantities=judged(tested, level),
+        trends=trends_of(known, days, level) if len(sources) > 2 else (),
         values={k: tuple(x.value for x in v) for k, v in known.items()},
         std_errors={k: tuple(x.std for x in v) for k, v in known.items()},
         days=days,
@@ -216,7 +186,7 @@ def _given_again(shown: Sequence[str], sources: Sequence[_Source]) -> Iterator[s
             )
 
 
-def _of_standard(data: Sequence[Any], notes: list[str]) -> list[dict[str, _Value]]:
+def _of_standard(data: Sequence[Any], notes: list[str]) -> list[dict[str, Value]]:
     """Figures of the standard for each measurement, of the places that all of them have."""
     if not all(hasattr(d, "results") for d in data):
         return [{} for _ in data]
@@ -244,19 +214,19 @@ def _of_places(places: Floats) -> str:
     return f"{len(places)} from {float(places.min()):g} to {float(places.max()):g}"
 
 
-def _of_result(result: Any) -> dict[str, _Value]:
+def _of_result(result: Any) -> dict[str, Value]:
     labels = result.labels() if hasattr(result, "labels") else {}
     return {
-        name: _Value(
+        name: Value(
             float(getattr(result, name)), float(std), unit=unit_of(name), label=labels.get(name, "")
         )
         for name, std in result.std_errors.items()
     }
 
 
-def _of_estimate(estimate: Estimate) -> dict[str, _Value]:
+def _of_estimate(estimate: Estimate) -> dict[str, Value]:
     return {
-        p.name: _Value(
+        p.name: Value(
             p.value,
             math.inf if p.std_error is None else p.std_error,
             estimate.degrees_of_freedom,
@@ -268,13 +238,13 @@ def _of_estimate(estimate: Estimate) -> dict[str, _Value]:
     }
 
 
-def _joined(values: Sequence[dict[str, _Value]]) -> dict[str, tuple[_Value, ...]]:
+def _joined(values: Sequence[dict[str, Value]]) -> dict[str, tuple[Value, ...]]:
     """Quantities that every measurement has and knows."""
     names = [n for n in values[0] if all(n in v and np.isfinite(v[n].std) for v in values)]
     return {name: tuple(v[name] for v in values) for name in names}
 
 
-def _with(v: _Value, more: float) -> _Value:
+def _with(v: Value, more: float) -> Value:
     if not more:
         return v
     std = math.hypot(v.std, more)
@@ -295,7 +265,7 @@ def surest_causes(diagnoses: Iterable[Diagnosis]) -> dict[str, Mapping[str, floa
 
 def _fitted(
     shown: Sequence[str], diagnoses: Sequence[Diagnosis], notes: list[str]
-) -> tuple[dict[str, tuple[_Value, ...]], dict[str, tuple[_Vector, ...]]]:
+) -> tuple[dict[str, tuple[Value, ...]], dict[str, tuple[Vector, ...]]]:
     """Every measurement with the causes of all of them: few parameters by name, many by effect."""
     own = [distinct_rows(d.data) for d in diagnoses]
     notes += [f"{name}: {said}" for name, d in zip(shown, own, strict=True) for said in d.notes]
@@ -314,17 +284,19 @@ def _fitted(
     ]
     owners = {e.id: e.owner for e in models[0].effects}
     few, many = _parts(models[0], effects, owners)
+    among = _among(models[0], diagnoses)
     errors = set(models[0].location_errors(models[0].start, {}))
     named = [n for n in fits[0].names if n in errors or n in few]
     each = [
         {
-            n: _Value(
+            n: Value(
                 float(f.values[i]),
                 math.inf if f.not_identifiable[i] else math.sqrt(max(f.covariance[i, i], 0.0)),
-                f.degrees_of_freedom,
+                float(f.free[i]),
                 unit_of(n),
                 owners.get(n.partition(".")[0], Owner.MACHINE).value,
                 _label(models[0], n, effects, few),
+                among.get(n.partition(".")[0], 1.0),
             )
             for n in named
             for i in (f.names.index(n),)
@@ -339,8 +311,20 @@ def _fitted(
         for part, mine in _split(models[0], fits[0], name).items():
             text = f"{name} (rms{f', {part}' if part else ''})"
             label = f"{models[0].effect(name).label}, rms{f' {part}' if part else ''}"
-            vectors[text] = tuple(_vector(f, mine, models[0], label) for f in fits)
+            made = (_vector(f, mine, models[0], label) for f in fits)
+            vectors[text] = tuple(replace(v, among=among[name]) for v in made)
     return _joined(each), vectors
+
+
+def _among(model: Model, diagnoses: Sequence[Diagnosis]) -> dict[str, float]:
+    """Count of the candidates that each cause is one of; 1 where all diagnoses name it.
+
+    One that a diagnosis alone names was chosen for being large there: by chance the largest of all
+    candidates differs from the same on another date.
+    """
+    named = [{c.id for c in d.causes} for d in diagnoses]
+    count = float(sum(e.ordinary for e in model.effects))
+    return {i: 1.0 if all(i in own for own in named) else count for i in set.union(*named)}
 
 
 def _label(model: Model, name: str, effects: Mapping[str, Any], few: Sequence[str]) -> str:
@@ -395,105 +379,14 @@ def _split(model: Model, f: Refit, effect: str) -> dict[str, list[int]]:
     return {"": at} if "" in parts else parts
 
 
-def _vector(f: Refit, at: list[int], model: Model, label: str) -> _Vector:
+def _vector(f: Refit, at: list[int], model: Model, label: str) -> Vector:
     columns = f.columns[:, at]
     unit = model.readings.unit
-    return _Vector(
+    return Vector(
         f.values[at],
         f.covariance[np.ix_(at, at)],
         columns[np.any(columns != 0, axis=1)],
-        f.degrees_of_freedom,
+        float(f.free[at].min()),
         unit if isinstance(unit, str) else "",
         label,
     )
-
-
-# --- changes
-
-
-def _change(name: str, one: _Value, other: _Value) -> Change:
-    """Change of one quantity, its p-value by itself."""
-    change = other.value - one.value
-    std = max(math.hypot(one.std, other.std), MIN_STD * max(abs(one.value), abs(other.value), 1))
-    free = _free((one.std, one.free), (other.std, other.free))
-    p = 2 * float(special.stdtr(free, -abs(change) / std))
-    half = std * float(special.stdtrit(free, (1 + COVERAGE) / 2))
-    return Change(
-        name, one.unit, one.owner, one.value, other.value, change, std,
-        change - half, change + half, p, False, one.label,
-    )  # fmt: skip
-
-
-def _free(*parts: tuple[float, float]) -> float:
-    """Degrees of freedom of a sum (Welch-Satterthwaite), within what tables have."""
-    total = sum(s**2 for s, _ in parts)
-    each = sum(s**4 / f for s, f in parts)
-    return float(np.clip(total**2 / each, 1.0, 1e6)) if each > 0 else 1e6
-
-
-def _of_many(name: str, one: _Vector, other: _Vector) -> Change:
-    """Change of an effect of many parameters: rms of what it does to the first readings."""
-    change, covariance = other.values - one.values, one.covariance + other.covariance
-    size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    inverse = np.linalg.pinv(covariance / np.outer(size, size), rcond=SINGULAR, hermitian=True)
-    wald = float((change / size) @ inverse @ (change / size))
-    rank = max(int(np.linalg.matrix_rank(inverse, hermitian=True)), 1)
-    p = float(special.fdtrc(rank, max(min(one.free, other.free), 1.0), wald / rank))
-    before, after, moved = (
-        float(np.sqrt(np.mean((one.columns @ v) ** 2))) for v in (one.values, other.values, change)
-    )
-    spread = np.einsum("ij,jk,ik->i", one.columns, covariance, one.columns)
-    std = float(np.sqrt(np.mean(spread)))
-    half = std * float(special.ndtri((1 + COVERAGE) / 2))
-    return Change(
-        name, one.unit, Owner.MACHINE.value, before, after, moved, std,
-        max(moved - half, 0.0), moved + half, p, False, one.label, True,
-    )  # fmt: skip
-
-
-def _judged(changes: Sequence[Change], level: float) -> tuple[Change, ...]:
-    """Correct p-values for their number (Holm), and order."""
-    corrected = _holm([c.p_value for c in changes])
-    pairs = zip(changes, corrected, strict=True)
-    out = [replace(c, p_value=p, changed=p < level) for c, p in pairs]
-    return tuple(sorted(out, key=lambda c: (not c.changed, -abs(c.change) / c.std_error)))
-
-
-def _holm(p: Sequence[float]) -> list[float]:
-    order = np.argsort(p, kind="stable")
-    out, largest = [1.0] * len(p), 0.0
-    for rank, i in enumerate(order):
-        largest = max(largest, min(1.0, (len(p) - rank) * p[i]))
-        out[i] = largest
-    return out
-
-
-def _trends(
-    values: Mapping[str, tuple[_Value, ...]], days: Sequence[float], level: float
-) -> tuple[Trend, ...]:
-    """Weighted regression over time; where it leaves more than the uncertainties, these grow."""
-    rows = []
-    t = np.asarray(days)
-    for name, v in values.items():
-        y = np.array([x.value for x in v])
-        std = np.maximum([x.std for x in v], MIN_STD * max(float(np.abs(y).max()), 1.0))
-        design = np.column_stack([np.ones_like(t), t - t.mean()]) / std[:, None]
-        q, r = np.linalg.qr(design)  # of an exact measurement beside others, too
-        inverse = np.linalg.inv(r)
-        cofactor, found = inverse @ inverse.T, inverse @ (q.T @ (y / std))
-        free = len(t) - 2
-        birge = float(np.sum((y / std - design @ found) ** 2)) / free
-        error = math.sqrt(cofactor[1, 1] * max(birge, 1.0))
-        # of uncertainties that hold the normal law; of scatter beyond them Student's
-        dof = 1e6 if birge <= 1 else float(free)
-        p = 2 * float(special.stdtr(dof, -abs(found[1]) / error))
-        reach = INDIVIDUALS * float(np.mean(np.abs(np.diff(y))))
-        centre = float(y.mean())
-        outside = tuple(int(i) for i in np.flatnonzero(np.abs(y - centre) > reach))
-        rows.append(
-            (name, v[0].unit, float(found[1]), error, p, centre, centre - reach, centre + reach,
-             outside, v[0].label)
-        )  # fmt: skip
-    corrected = _holm([r[4] for r in rows])
-    pairs = zip(rows, corrected, strict=True)
-    return tuple(Trend(*r[:4], p, p < level, *r[5:9], label=r[9]) for r, p in pairs)

@@ -142,8 +142,7 @@ class Part:
     @cached_property
     def among(self) -> float:
         """How many candidates a cause of it is one of beforehand."""
-        ordinary = [e for e in self.model.effects if not (e.expected or e.rare or e.level)]
-        return max(self.candidates or len(ordinary), 1.0)
+        return max(self.candidates or sum(e.ordinary for e in self.model.effects), 1.0)
 
     @cached_property
     def white_jacobian(self) -> Floats:

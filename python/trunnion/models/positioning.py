@@ -140,6 +140,7 @@ class PositioningModel(ReadInTurn):
             groups=_folds(data, after),
             replicates=np.unique(stops, return_inverse=True)[1],
         )
+        self.cycles = np.asarray(data.cycle, dtype=np.intp)
 
     def bind(self, data: Any) -> Model:
         """Return the same model on other stops."""
