@@ -35,8 +35,9 @@ from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.outliers import Sizes
 from trunnion.diagnosis.records import rms
-from trunnion.diagnosis.scan import Dictionary, Term
+from trunnion.diagnosis.scan import Dictionary
 from trunnion.diagnosis.steps import weights_of
+from trunnion.diagnosis.term import Term
 from trunnion.diagnosis.whitening import Scaling, Whiten, Whiteners, correlated, identity
 
 if TYPE_CHECKING:

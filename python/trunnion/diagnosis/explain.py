@@ -21,9 +21,10 @@ from trunnion.diagnosis.nearer import search_between
 from trunnion.diagnosis.part_of_wander import part_of_wander
 from trunnion.diagnosis.probability import NEAR_ODDS, Behind, Only, Probabilities
 from trunnion.diagnosis.processes import processes
-from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Term
+from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY
 from trunnion.diagnosis.selection import WITHIN, Found, Search, search
 from trunnion.diagnosis.structure import idle_beside, predicts_worse, why_stated
+from trunnion.diagnosis.term import Term
 from trunnion.diagnosis.terms import (
     Competing,
     best_terms,

@@ -10,7 +10,7 @@ from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.effect import Values
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.probability import Weighed
-from trunnion.diagnosis.scan import Term
+from trunnion.diagnosis.term import Term
 
 Sets: TypeAlias = list[tuple[dict[int, int], float, float]]
 """Candidate: variant; distance to the best set; RSS."""

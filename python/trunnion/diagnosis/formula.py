@@ -27,8 +27,8 @@ from trunnion.diagnosis.formula_checks import (
     wrong,
 )
 from trunnion.diagnosis.local_errors import BESIDE_PLACE, TIMES_WIDTH, Bell, beside, local
-from trunnion.diagnosis.scan import Term, ordinal
 from trunnion.diagnosis.smooth import over_range
+from trunnion.diagnosis.term import Term, ordinal
 from trunnion.diagnosis.waves import shortest_on_grid
 from trunnion.diagnosis.ways import ANGLE_UNIT, OnMachine, in_words, is_angle
 from trunnion.machine.effects import Owner

@@ -1,5 +1,6 @@
 """Local errors: bells about some places along a quantity."""
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ WIDTHS = (1 / 4, 1 / 8, 1 / 16)  # in turns or ranges
 STEPS_A_WIDTH = 2  # between neighbouring places
 BESIDE_PLACE = np.linspace(-0.25, 0.25, 5)  # in widths, around a place of the scan
 TIMES_WIDTH = (0.5, 0.7, 1.0, 1.4)  # the same of widths
+ROUNDS = 5  # of places and widths half as far from the best ones each time
 
 
 def places_of(distinct: Floats, period: float | None) -> tuple[Floats, Floats]:
@@ -26,6 +28,40 @@ def places_of(distinct: Floats, period: float | None) -> tuple[Floats, Floats]:
     widths = np.repeat(whole * np.array(WIDTHS), [len(x) for x in each])
     inside = local_errors_inside(distinct, np.column_stack([places, widths]), period)
     return places[inside], widths[inside]
+
+
+def between(
+    place: float, width: float, further: Iterable[tuple[float, float]] = ()
+) -> tuple[Floats, Floats]:
+    """Places and widths (v,) of local errors near one of the scan; of further ones, too."""
+    places = place + np.tile(BESIDE_PLACE, len(TIMES_WIDTH)) * width
+    widths = np.repeat(TIMES_WIDTH, len(BESIDE_PLACE)) * width
+    every = np.concatenate(
+        [np.stack([places, widths], axis=1), *np.reshape([*further], (-1, 1, 2))]
+    )
+    return tuple(every[np.lexsort(every.T)].T)
+
+
+def likeliest(
+    place: float, width: float, gains: Callable[[Floats, Floats], Floats], least: float
+) -> tuple[tuple[float, float], float]:
+    """Place and width near those of the scan at which a local error gains most; the gain.
+
+    ``least``: of one that gains less the nearest of a few that are tried.
+    """
+    about, step, ratio = np.arange(-1.0, 2.0), np.diff(BESIDE_PLACE)[0], TIMES_WIDTH[-1]
+    places, widths = between(place, width)
+    bounds = widths[0], widths[-1]
+    for _ in range(ROUNDS + 1):
+        gain = gains(places, widths)
+        best = int(np.argmax(gain))
+        found = float(places[best]), float(widths[best])
+        if gain[best] < least:
+            break
+        step, ratio = step / 2, np.sqrt(ratio)
+        places = found[0] + np.tile(about, len(about)) * step * found[1]
+        widths = np.clip(found[1] * ratio ** np.repeat(about, len(about)), *bounds)
+    return found, float(gain[best])
 
 
 def local(

@@ -12,7 +12,8 @@ from trunnion.diagnosis.explanation import Explanation
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import rms, units_of, with_unit
-from trunnion.diagnosis.scan import Dictionary, Term
+from trunnion.diagnosis.scan import Dictionary
+from trunnion.diagnosis.term import Term
 from trunnion.diagnosis.ways import directions
 
 LARGER = 4.0  # in variance than the middle block of readings: the residual is large there

@@ -15,7 +15,6 @@ from typing import cast
 import numpy as np
 from scipy import special
 
-from trunnion.base.report import rough
 from trunnion.base.statistics import MANY_ROWS, Spanned
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.columns import ROUNDING, storage
@@ -24,68 +23,19 @@ from trunnion.diagnosis.functions import DEPENDENT, Made, Part
 from trunnion.diagnosis.functions_of import Shown, functions_of
 from trunnion.diagnosis.gains import gains_beside
 from trunnion.diagnosis.jumps import best_between, best_near, fine_places, near
-from trunnion.diagnosis.local_errors import BESIDE_PLACE, TIMES_WIDTH, local
+from trunnion.diagnosis.local_errors import between, likeliest, local
 from trunnion.diagnosis.model import Covariate, Model
 from trunnion.diagnosis.of_some import OfSome
 from trunnion.diagnosis.quantities import Said, at_an_instant, in_measurement, saying
 from trunnion.diagnosis.smooth import over_range
+from trunnion.diagnosis.term import Place, Term
 from trunnion.diagnosis.waves import WAVES_BETWEEN, waves
-from trunnion.diagnosis.ways import in_words, is_angle
+from trunnion.diagnosis.ways import is_angle
 from trunnion.diagnosis.whitening import Scaling, Whiten, identity, sizes_of
 
 AMONG_PLACES = np.linspace(-0.25, 0.25, 17)  # waves: finer, beside a cause of many columns
 SCAN_LEVEL = 0.01
 UNNAMED_TERM_PENALTY = 10.0  # a term has to explain exp(5) times better than causes do
-
-
-@dataclass(frozen=True)
-class Term:
-    """A function of one covariate that enters through one component.
-
-    ``kind``: "harmonic", "polynomial", "wave", "jump", "local" or "class"; ``number``: its
-    harmonic, its degree, its waves over the range, the value at which it jumps, the value about
-    which it acts and its width, or the label of its class.
-    """
-
-    covariate: str
-    kind: str
-    number: object
-    component: str
-    unit: str = ""
-
-    def sentence(self) -> str:
-        """Say it in words."""
-        where = in_words(self.component)
-        u = f" {self.unit}" if self.unit else ""
-        match self.kind:
-            case "harmonic":
-                how = f"{ordinal(int(str(self.number)))} harmonic"
-            case "polynomial":
-                how = {1: "linear", 2: "quadratic", 3: "cubic"}.get(
-                    int(str(self.number)), f"smooth, degree {self.number}"
-                )
-            case "wave":
-                how = f"periodic, period {rough(float(str(self.number)), 4)}{u}"
-            case "jump":
-                how = f"a jump at {rough(float(str(self.number)), 4)}{u}"
-            case "local":
-                place, width = self.place_and_width
-                how = f"a local error at {rough(place, 4)}{u}, {rough(width, 4)}{u} wide"
-            case _:
-                at = f"{self.number:g}{u}" if isinstance(self.number, float) else self.number
-                return f"{self.covariate} {at} (by itself{where})"
-        return f"{self.covariate} ({how}{where})"
-
-    @property
-    def place_and_width(self) -> tuple[float, float]:
-        """Of a local error."""
-        place, width = cast("tuple[float, float]", self.number)
-        return place, width
-
-
-def ordinal(n: int) -> str:
-    """Write 1st, 2nd, 3rd, 4th."""
-    return f"{n}{ {1: 'st', 2: 'nd', 3: 'rd'}.get(n if n < 20 else n % 10, 'th') }"
 
 
 @dataclass(frozen=True)
@@ -344,17 +294,17 @@ class Dictionary:
         """Which readings of the dictionary a term is of: in others all is 0."""
         return in_measurement(self._along(self.term(term)), self._rows)
 
-    def variants(self, term: int, jumps: Sequence[float] = ()) -> Floats | OfSome:
+    def variants(self, term: int, places: Sequence[Place] = ()) -> Floats | OfSome:
         """Columns of a term, shape (v, n, k); those between the terms of the scan, too.
 
-        ``jumps``: further places of a jump.
+        ``places``: further ones of a jump or a local error.
 
         What a wave leaves of one a quarter of a period longer over the range would be explained by
         causes that are not there, and so would what a local error or a jump leaves of one beside
         it. Waves in places have causes of their own, of any length, but where these have sizes of
         their own in each class of readings.
         """
-        own, at = self._variants(term, jumps), self.readings(term)
+        own, at = self._variants(term, places), self.readings(term)
         return own if at == slice(0, len(self._rows)) else OfSome(own, at)
 
     def own_block(self, term: int) -> Floats:
@@ -364,7 +314,7 @@ class Dictionary:
         found = (part.block(term) for part in self._parts)
         return next(x for x in found if x is not None)
 
-    def _variants(self, term: int, jumps: Sequence[float] = ()) -> Floats:
+    def _variants(self, term: int, places: Sequence[Place] = ()) -> Floats:
         """Columns of variants of a term, of its own readings only, (v, m, k)."""
         if term >= self.count:
             return np.concatenate([self._variants(i) for i in self.in_each(term)], axis=2)
@@ -378,17 +328,20 @@ class Dictionary:
         low, high = own[0], own[-1]
         if of.kind == "jump":
             about = near(own, float(str(of.number)))
-            return self._jumps(of, np.unique([*about, *jumps]))
+            return self._jumps(of, np.unique([*about, *cast("Sequence[float]", places)]))
         if of.kind == "local":
-            place, width = of.place_and_width
-            places = place + np.tile(BESIDE_PLACE, len(TIMES_WIDTH)) * width
-            widths = np.repeat(TIMES_WIDTH, len(BESIDE_PLACE)) * width
-            columns = local(values, places[:, None], widths[:, None], along.period)[:, None]
-        else:
-            between = WAVES_BETWEEN if along.sequence else AMONG_PLACES
-            counts = (high - low) / float(str(of.number)) + between
-            columns = waves(np.pi * counts, over_range(values, low, high)).transpose(1, 0, 2)
+            further = cast("Sequence[tuple[float, float]]", places)
+            return self._local(of, *between(*of.place_and_width, further))
+        counts = (high - low) / float(str(of.number))
+        counts = counts + (WAVES_BETWEEN if along.sequence else AMONG_PLACES)
+        columns = waves(np.pi * counts, over_range(values, low, high)).transpose(1, 0, 2)
         return self._white(of, along, columns)
+
+    def _local(self, of: Term, places: Floats, widths: Floats) -> Floats:
+        """Columns of a local error at places, of widths, of its own readings only, (v, m, 1)."""
+        along = self._along(of)
+        columns = local(self._values(along), places[:, None], widths[:, None], along.period)
+        return self._white(of, along, columns[:, None])
 
     def _along(self, of: Term) -> Covariate:
         """Return the quantity of a term."""
@@ -455,6 +408,21 @@ class Dictionary:
         of = self.term(term)
         gains = self._gains_of_jumps(of, r, basis)
         return best_near(self._distinct(self._along(of)), float(str(of.number)), gains)
+
+    def place_of_local(
+        self, term: int, r: Floats, basis: Floats | Spanned, least: float
+    ) -> tuple[tuple[float, float], float]:
+        """Place and width near a term where a local error gains most, for residuals (n,); gain.
+
+        ``least``: of one that gains less neither is exact.
+        """
+        of, at = self.term(term), self.readings(term)
+        own, left = basis[at], r[at]
+
+        def gains(places: Floats, widths: Floats) -> Floats:
+            return gains_beside(self._local(of, places, widths), own, left)
+
+        return likeliest(*of.place_and_width, gains, least)
 
     def best_jumps(
         self, r: Floats, basis: Floats | Spanned, among: Flags

@@ -25,7 +25,8 @@ from trunnion.diagnosis.records import (
     parameter_table,
     value_in_words,
 )
-from trunnion.diagnosis.scan import SCAN_LEVEL, Term
+from trunnion.diagnosis.scan import SCAN_LEVEL
+from trunnion.diagnosis.term import Term
 from trunnion.diagnosis.whitening import Whiten
 from trunnion.machine.estimate import Estimate
 

@@ -1,11 +1,12 @@
 """Structure without a name: which terms may stand for causes, and which say what they leave."""
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy import special
 
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats, Integers
@@ -14,24 +15,26 @@ from trunnion.diagnosis.columns import inners
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.functions import DEPENDENT
 from trunnion.diagnosis.moments import moments_of, without_one
-from trunnion.diagnosis.scan import UNNAMED_TERM_PENALTY, Term
+from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY
 from trunnion.diagnosis.scorer import SCORE_DIGITS
 from trunnion.diagnosis.selection import WITHIN, Found
+from trunnion.diagnosis.term import Place, Term
 from trunnion.diagnosis.whitening import Whiteners
 
 MAX_TERMS = 10
 MAX_SENTENCES = 3
 MAX_SUMS = 64  # of causes of a set that are compared with terms, those of few first
+LARGE = 30.0  # of -2 ln L, a gain of which the scan's places may miss what decides between causes
 MIN_LEFT = 1e-14  # of a sum of squares: rounding
 OF_OTHERS = 1e-12  # of squares: rounding of what is fitted in other readings, too
 TINY = 1e-300
 
 
 class Competing(NamedTuple):
-    """A term that competes with causes; a jump also at places between those of the scan."""
+    """A term that competes with causes; a jump or a local error at places between the scan's."""
 
     term: int
-    places: tuple[float, ...] = ()
+    places: tuple[Place, ...] = ()
 
 
 def term_penalty(case: Case, f: Fit) -> Floats:
@@ -172,17 +175,41 @@ class _Instead:
 
 
 def with_places(case: Case, terms: Sequence[int], fits: Sequence[Fit]) -> list[Competing]:
-    """Terms, and of jumps the places at which they gain most beside some fits.
+    """Terms, and of jumps and local errors the places at which they gain most beside some fits.
 
-    A reading on the wrong side of a jump costs more than causes that are not there.
+    A reading on the wrong side of a jump costs more than causes that are not there, and so does
+    what a large local error leaves of one a little narrower.
     """
     d, jumps = case.dictionary, set(case.dictionary.of_kind("jump").tolist())
-    return [
-        Competing(
-            i, tuple({d.place_of_jump(i, f.white, f.basis)[0] for f in fits} if i in jumps else ())
-        )
-        for i in terms
-    ]
+    places: dict[int, set[Place]] = {i: set() for i in terms}
+    for i in jumps.intersection(terms):
+        places[i] |= {d.place_of_jump(i, f.white, f.basis)[0] for f in fits}
+    for i, place in _places_of_local(case, terms, fits):
+        places[i].add(place)
+    return [Competing(i, tuple(sorted(places[i]))) for i in terms]
+
+
+def _places_of_local(
+    case: Case, terms: Sequence[int], fits: Sequence[Fit]
+) -> Iterator[tuple[int, Place]]:
+    """Local errors, those that gain most of a quantity in a component, and where they do.
+
+    Beside some fits, and beside these without one cause: a bump that the cause makes in part is
+    another one beside it.
+    """
+    d = case.dictionary
+    some = sorted(set(d.of_kind("local").tolist()).intersection(terms))
+    for f in fits if some else ():
+        # of many readings the bases take time
+        acting = [e for e in case.effects if e.id in f.effects and len(f.white) < MANY_ROWS]
+        for basis, left in [(f.basis, f.white), *(without_one(case, e, f) for e in acting)]:
+            least = float(left @ left) * -np.expm1(-LARGE / f.dof)
+            best: dict[tuple[str, str], tuple[float, int, Place]] = {}
+            for i in some:
+                place, gain = d.place_of_local(i, left, basis, least)
+                key = d.term(i).covariate, d.term(i).component
+                best[key] = max(best.get(key, (least, i, place)), (gain, i, place))
+            yield from ((i, place) for gain, i, place in best.values() if gain > least)
 
 
 def jumps_instead(case: Case, f: Fit) -> list[Competing]:
@@ -190,7 +217,7 @@ def jumps_instead(case: Case, f: Fit) -> list[Competing]:
 
     In each component that which explains most, of readings that the cause changes.
     """
-    places: dict[int, set[float]] = {}
+    places: dict[int, set[Place]] = {}
     for effect in case.effects:
         if effect.id in f.effects and moments_of(case, effect, f):
             basis, left = without_one(case, effect, f)
@@ -337,6 +364,27 @@ def _few_of_a_kind(case: Case, order: Integers, known: Sequence[int] = ()) -> li
     return picked
 
 
+def _lowest_degree(case: Case, f: Fit, term: int) -> int:
+    """Polynomial of the lowest degree that explains as much as one does but for chance, or a term.
+
+    Of the same quantity in the same component. A degree that is worth its columns among all terms
+    may be worth no more than chance beside a lower one, which is in it.
+    """
+    d = case.dictionary
+    every: list[int] = d.of_kind("polynomial").tolist()
+    if term not in every:
+        return term
+    of, (gain, rank) = d.term(term), d.of_fit(f)
+    left = case.floor.deviance(np.maximum(f.rss - gain, MIN_LEFT * f.rss), f.dof)
+    for i in every:  # degrees ascend
+        low, further = d.term(i), int(rank[term] - rank[i])
+        if (low.covariate, low.component) == (of.covariate, of.component) and rank[i] > 0:
+            chance = special.chdtri(further, SCAN_LEVEL) if further > 0 else np.inf
+            if left[i] - left[term] < chance:
+                return i
+    return term
+
+
 def best_terms(case: Case, fitted: Fit) -> list[tuple[Term, float]]:
     """Terms that explain the unnamed part about as well, one a quantity, best first."""
     d, value = case.dictionary, _of_each(case, fitted)
@@ -345,6 +393,6 @@ def best_terms(case: Case, fitted: Fit) -> list[tuple[Term, float]]:
         if value[i] < value.max() - WITHIN or len(found) >= MAX_SENTENCES:
             break
         if (name := d.term(i).covariate) not in found:
-            term, gain = d.placed(i, fitted)
+            term, gain = d.placed(_lowest_degree(case, fitted, i), fitted)
             found[name] = term, min(1.0, gain / max(fitted.rss, TINY))
     return list(found.values())
