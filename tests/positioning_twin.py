@@ -57,6 +57,31 @@ def grown_from_its_bearing(data: tn.Positioning, rng: np.random.Generator) -> np
     return np.asarray(11.5 * along_m * warm_k * -np.expm1(-part))
 
 
+def in_each_cycle(data: tn.Positioning, rng: np.random.Generator, size: float) -> np.ndarray:
+    """A size of its own in each cycle, of each stop: the axis was homed before it."""
+    number = np.unique(data.cycle, return_inverse=True)[1]
+    return np.asarray(rng.normal(0.0, size, number.max() + 1)[number])
+
+
+def compensated_anew(data: tn.Positioning, rng: np.random.Generator) -> np.ndarray:
+    """A control that takes the temperature anew before each cycle, about its reference point.
+
+    It is that of the first cycle to which others are compared.
+    """
+    number = np.unique(data.cycle, return_inverse=True)[1]
+    ppm = np.r_[0.0, rng.normal(0.0, 12.0, number.max())]
+    return np.asarray(1e-3 * ppm[number] * (data.target - rng.uniform(-100.0, 600.0)))
+
+
+def heat_in_between(data: tn.Positioning, rng: np.random.Generator) -> np.ndarray:
+    """A hall that gets warmer while doors are open, the screw from its bearing: a half cosine."""
+    part = np.arange(len(data)) / len(data)
+    begins, takes = rng.uniform(0.1, 0.35), rng.uniform(0.3, 0.5)
+    share = (1 - np.cos(np.pi * np.clip((part - begins) / takes, 0, 1))) / 2
+    along_m = 1e-3 * (data.target - rng.choice([-60.0, 560.0]))
+    return np.asarray(rng.choice([-1, 1]) * 11.5 * along_m * rng.uniform(0.8, 2.0) * share)
+
+
 HIDDEN: dict[str, Callable[[tn.Positioning, np.random.Generator], np.ndarray]] = {
     "scale": lambda d, rng: 1e-3 * rng.uniform(10, 30) * (d.target - 250),
     "reversal": lambda d, rng: rng.uniform(1, 4) * d.direction,
@@ -72,6 +97,9 @@ HIDDEN: dict[str, Callable[[tn.Positioning, np.random.Generator], np.ndarray]] =
         rng.uniform(2, 8) * (1 - np.exp(-np.arange(len(d)) / len(d) / rng.uniform(0.1, 0.6)))
     ),
     "screw_warmup": grown_from_its_bearing,
+    "scale_change": heat_in_between,
+    "zero_of_cycle": lambda d, rng: in_each_cycle(d, rng, 2.0),
+    "scale_of_cycle": compensated_anew,
     "periodic": lambda d, rng: (
         rng.uniform(1, 4)
         * np.sin(2 * np.pi * d.target / rng.uniform(110, 160) + rng.uniform(0, 6.28))

@@ -15,6 +15,8 @@ from promise import kept, needed_runs
         "level: bed sags between 4 or 5 supports",
         "level: bed sags between two supports",
         "axis, begun again: zero set again",
+        "axis: homed before each cycle",
+        "axis: compensation switched before a cycle",
         "axis, begun again: heat diffuses along the screw",
         "level, read again: zero set again",
     ],

@@ -124,6 +124,22 @@ def lost_motion(s: Stops, _: np.random.Generator) -> Floats:
     return s.sense / 2.0
 
 
+def homed_each_cycle(s: Stops, rng: np.random.Generator) -> Floats:
+    """The axis was homed before each cycle, and the reference mark is not found twice alike."""
+    return rng.standard_normal(CYCLES)[s.cycle - 1]
+
+
+def compensated_from_then_on(s: Stops, rng: np.random.Generator) -> Floats:
+    """Temperature compensation, switched on before a cycle, about a reference on or off the way."""
+    return np.where(s.cycle >= rng.integers(2, CYCLES + 1), s.target - rng.uniform(-200, 700), 0.0)
+
+
+def doors_open(s: Stops, rng: np.random.Generator) -> Floats:
+    """The hall gets warmer for a while, and the screw after it: two first-order lags of a step."""
+    late = np.clip(s.time - rng.uniform(0.1, 0.5) * s.time[-1], 0.0, None) / rng.uniform(60, 200)
+    return (s.target + 150.0) * (1 - (1 + late) * np.exp(-late))
+
+
 def restarted(rng: np.random.Generator) -> Stops:
     """A run left in its first cycle and made again from its first stop, some minutes later."""
     s = stops(rng)
@@ -299,7 +315,8 @@ def read_again(
 # --- counting
 
 
-OF_TIME = frozenset({"warmup", "screw_warmup", "drift", "cycle_drift", "expansion"})
+OF_TIME = frozenset({"warmup", "screw_warmup", "scale_change", "drift", "cycle_drift", "expansion"})
+SCALES = frozenset({"scale_of_cycle", "scale_change"})
 LENGTHS = frozenset({"scale", "curve"})  # a screw that grows is longer, and its curve another
 
 
@@ -352,6 +369,13 @@ ROWS = {
         read_again, warming_level, frozenset({"drift"}), frozenset({"instrument_zero"})
     ),
     "level, read again: bow (=)": Row(read_again, parabola, frozenset({"bow"})),
+    "axis: homed before each cycle": Row(
+        positioning, homed_each_cycle, frozenset({"zero_of_cycle"})
+    ),
+    "axis: compensation switched before a cycle": Row(
+        positioning, compensated_from_then_on, SCALES, LENGTHS
+    ),
+    "axis: the hall warms in between": Row(positioning, doors_open, OF_TIME | SCALES, LENGTHS),
 }
 
 

@@ -37,6 +37,12 @@ from twin.generator import measure, random_errors, random_placement
 
 Rng = np.random.Generator
 Left = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+NOT_ALIKE_SHARE = 0.15  # of positioning runs, whose cycles are not alike
+IN_CYCLES = {
+    "scale_change": {"screw_warmup"},
+    "zero_of_cycle": {"cycle_drift", "warmup"},
+    "scale_of_cycle": {"cycle_drift", "warmup", "screw_warmup"},
+}  # what is in these, too: of both together only one has a name
 UNKNOWN_SHARE = 1 / 8
 COUNTS = (0.25, 0.35, 0.25, 0.15)  # of no cause, one, two, three
 BATCH = 20
@@ -179,8 +185,12 @@ def hybrid_ballbar(rng: Rng, number: int) -> Drawn:
 
 
 def positioning(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
-    """Stops of an axis, 11 or 15 targets, 3 to 5 cycles."""
-    hidden = _some(rng, tuple(n for n in positioning_twin.HIDDEN if n != "unknown"))
+    """Stops of an axis, 11 or 15 targets, 3 to 5 cycles; in some runs these are not alike."""
+    alike = tuple(n for n in positioning_twin.HIDDEN if n not in {"unknown", *IN_CYCLES})
+    hidden, apart = _some(rng, alike), ""
+    if rng.random() < NOT_ALIKE_SHARE:
+        apart = str(rng.choice([*IN_CYCLES]))
+        hidden = tuple(n for n in hidden if n not in IN_CYCLES[apart])
     unknown = bool(rng.random() < UNKNOWN_SHARE)
     data = positioning_twin.axis(
         rng, targets=int(rng.choice([11, 15])), cycles=int(rng.integers(3, 6))
@@ -188,6 +198,9 @@ def positioning(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
     change = np.zeros(len(data))
     for name in [*hidden, "unknown"] if unknown else hidden:
         change += size_of(rng, 0.5, 3.0) * positioning_twin.HIDDEN[name](data, rng)
+    if apart:
+        hidden = (*hidden, apart)
+        change += positioning_twin.HIDDEN[apart](data, rng)
     data = data.with_columns(measured_mm=data.measured + 1e-3 * change)
     return Drawn(data, None, frozenset(hidden), unknown)
 

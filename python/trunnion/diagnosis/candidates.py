@@ -107,6 +107,7 @@ class Candidates:
     positive: frozenset[int] = frozenset()  # candidates of one column, nothing if negative
     stated: Mapping[int, float] = MappingProxyType({})  # candidates whose size is known to be small
     apart: frozenset[int] = frozenset()  # masks of two candidates that no set has both of
+    near_any: frozenset[int] = frozenset()  # candidates that make much of anything
     several: bool = False  # whether they are of several measurements
     together: bool = False  # whether one that acts makes others likelier (`.evidence`)
     _banned: frozenset[int] = frozenset()
@@ -153,7 +154,7 @@ class Candidates:
         """
         new = object.__new__(Candidates)
         new.stated, new.positive, new.apart = self.stated, self.positive, self.apart
-        new.several, new.together = self.several, self.together
+        new.several, new.together, new.near_any = self.several, self.together, self.near_any
         new._build(enumerate(variants), len(variants), 0, self._basis)
         new.owner = np.concatenate([self.owner, new.owner + self.count])
         new.variant = np.concatenate([self.variant, new.variant])
@@ -332,8 +333,9 @@ class Candidates:
         squares = some.T @ some
         if len(squares) < 2:  # of a quantity of two values nothing is curved
             return False
-        for k, blocks, _ in self.by_rank:
-            if k < len(squares) - 1:
+        for k, every, _ in self.by_rank:
+            blocks = every[~np.isin(self.owner[every], [*self.near_any])]
+            if k < len(squares) - 1 or not len(blocks):
                 continue
             # The columns of a block are orthonormal, and what they leave of the line beside them.
             own = self._along(blocks, some)

@@ -45,6 +45,7 @@ def candidates_of(case: Case) -> Candidates:
         for j, e in enumerate(case.effects)
         for other in e.instead_of
     )
+    found.near_any = frozenset(j for j, e in enumerate(case.effects) if e.near_any)
     found.several, found.together = isinstance(case.whiten, Whiteners), case.model.together
     if case.dependent:
         found.dependent = DEPENDENT_INCOMPLETE

@@ -139,10 +139,14 @@ class Effect:
         What changes the readings alike and is no candidate, in words.
     instead_of:
         Ids of candidates that are not supposed together with it: it is several of them by one size.
+    near_any:
+        Whether it is so many functions of time that it makes much of anything that goes with it:
+        structure has no name by it, and a wander is sought beside all others.
     among:
         How many candidates it is one of, by which it has its share; 0: all of the model.
     sought:
-        At how many places it was sought, of which its grid has the best: it is as many candidates.
+        As how many candidates it counts: at how many places it was sought, of which its grid has
+        the best, or how many times more seldom it is than others.
     stated:
         What is known of its one parameter beforehand: zero within a standard uncertainty. It costs
         a set of causes what it contradicts of that, and its estimate is made with it.
@@ -164,6 +168,7 @@ class Effect:
     level: float = 0.0
     looks_like: str = ""
     instead_of: tuple[str, ...] = ()
+    near_any: bool = False
     among: float = 0.0
     sought: float = 1.0
     stated: Stated | None = None
@@ -228,6 +233,10 @@ class Effect:
         """Put the columns of the linear parameters, one a row, into an array (k, n)."""
         if isinstance(self.jacobian, _Waves):
             self.jacobian.put(values, out)
+            return
+        shape = getattr(self.jacobian, "__self__", None)
+        if isinstance(shape, _Gridded):
+            out[:] = shape.columns(values).T
             return
         linear = [i for i, p in enumerate(self.parameters) if p.linear]
         np.take(self.columns(values).T, linear, axis=0, out=out, mode="clip")

@@ -71,8 +71,16 @@ OF_BREAK = Family(
     "measure again in one go, or begin again after a break with readings that were taken before "
     "it: what differs between the two is the shift.",
 )
+OF_CYCLES = Family(
+    "not the same all the time",
+    r"(zero|scale)_of_cycle|scale_change",
+    "find what was done or what happened in between: a homing, a zero of the instrument, a "
+    "temperature compensation or an error table that was switched, heat that came or went; measure "
+    "again without it before anything is compensated.",
+)
 FAMILIES = (
     OF_BREAK,
+    OF_CYCLES,
     Family(
         "friction at reversal",
         r"reversal_spike_.|friction_.|friction_direction_.|stribeck_.",
@@ -343,7 +351,7 @@ def family_of(id_: str, owner: Owner = Owner.MACHINE, instead: str = "") -> Fami
     if instead:
         return EITHER
     of = JointId.of(id_)
-    if owner in OWNED and not re.fullmatch(OF_BREAK.ids, of.cause):
+    if owner in OWNED and not any(re.fullmatch(f.ids, of.cause) for f in (OF_BREAK, OF_CYCLES)):
         return OWNED[owner]
     return _named(of.cause) if of.happened is None else HAPPENED[of.happened]
 

@@ -111,13 +111,16 @@ def _said(name: str, process: Process, when: Covariate, model: Model) -> str:
 
 
 def _functions(model: Model, nuisance: Floats, labels: Integers) -> Floats:
-    """Columns (n, k) of what is always fitted, of what repeats, and of what causes make beside."""
+    """Columns (n, k) of what is always fitted, of what repeats, and of what causes make beside.
+
+    Not of effects that make much of any wander.
+    """
     alone = labels < 0
     number = np.where(alone, np.cumsum(alone) + labels.max(), labels)
     repeats = np.eye(int(number.max()) + 1)[number]
     every = np.concatenate([model.jacobian(nuisance, {}), repeats], axis=1)
     taken = repeats / np.maximum(np.linalg.norm(repeats, axis=0), 1.0)
-    made = (_family(model, nuisance, effect, taken) for effect in model.effects)
+    made = (_family(model, nuisance, e, taken) for e in model.effects if not e.near_any)
     return np.concatenate([every, *made], axis=1)
 
 

@@ -92,8 +92,8 @@ def left_one_by_one(case: Case) -> Left | None:
 
     It does where all that they leave is stationary noise, but for one or two terms of structure
     (one that a cause makes leaves the noise that the cause would), and not next to nothing: no
-    reading is far out, no cause rests on one, steps of readings do not matter, and what the causes
-    change is proportional to their sizes.
+    reading is far out, no cause rests on one, steps of readings do not matter, what the causes
+    change is proportional to their sizes, and none makes much of any structure.
     """
     plain, n = case.plain, len(case.rows)
     sizes = sizes_of(case.whiten, n)
@@ -101,6 +101,8 @@ def left_one_by_one(case: Case) -> Left | None:
     if (sizes is None and not stationary) or case.exact(plain):
         return None
     causes = one_by_one(case.candidates, plain.white, floor=case.floor)
+    if any(case.effects[j].near_any for j in causes.members):
+        return None
     basis, white = plain.basis, plain.white
     d = case.dictionary
     columns = [case.candidates.columns(b).T.astype(np.float64) for b in causes.blocks]

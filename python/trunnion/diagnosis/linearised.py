@@ -41,7 +41,7 @@ class Linearised:
         made: Sequence[Piece] = (),
         grids: Sequence[list[Values]] = (),
     ) -> None:
-        """``further``: of some candidates with one grid, one place more than those of it, in order.
+        """``further``: of some candidates with grids, one place more than those of them, in order.
 
         ``made``: all pieces of some of the other candidates, that need not be made again.
         ``grids``: values at all places of the grids, of each candidate.
@@ -51,10 +51,9 @@ class Linearised:
         self._grids = grids or [grid_values(effect) for effect in model.effects]
         self.values = list(self._grids)
         for j, place in further.items():
-            (free,) = (p.name for p in model.effects[j].parameters if not p.linear)
-            first, *_, last = (v[free] for v in self._grids[j])
-            every = [*self._grids[j], place]
-            self.values[j] = sorted(every, key=itemgetter(free), reverse=first > last)
+            by = itemgetter(*(p.name for p in model.effects[j].parameters if not p.linear))
+            first, *_, last = map(by, self._grids[j])
+            self.values[j] = sorted([*self._grids[j], place], key=by, reverse=first > last)
         self.width = sum(
             (2 if affine(effect) else len(v)) * sum(p.linear for p in effect.parameters)
             for effect, v in zip(model.effects, self.values, strict=True)

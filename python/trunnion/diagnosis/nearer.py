@@ -8,7 +8,7 @@ wave beside a scale is sought beside the scale, or a curve takes the place of bo
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -18,6 +18,7 @@ from trunnion.base.rows import where
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.along import MIN_PLACES, Along, Beside, of_ratios
+from trunnion.diagnosis.around import best_around
 from trunnion.diagnosis.candidates_of import with_places
 from trunnion.diagnosis.effect import Values
 from trunnion.diagnosis.selection import WITHIN, Search, search
@@ -45,9 +46,9 @@ def search_between(case: Case) -> Search:
     s = search(case.candidates, white, floor=floor)
     few = len(white) < MANY_ROWS  # columns of many rows take memory
     alone = Beside(case.linearised.nuisance, basis, white, few)
-    looked_at = dict[_Key, Along]()
+    looked_at, around = dict[_Key, Along](), dict[_Key, tuple[float, Values]]()
     for _ in range(0 if case.dependent else MAX_ROUNDS):
-        further = _beside_others(case, s, alone, looked_at)
+        further = _beside_others(case, s, alone, looked_at, around)
         if not further:
             break
         case.candidates = with_places(case, case.candidates, further)
@@ -71,31 +72,49 @@ def _beside(alone: Beside, c: Candidates, blocks: Sequence[int]) -> Beside:
 
 
 def _beside_others(
-    case: Case, s: Search, alone: Beside, looked_at: dict[_Key, Along]
+    case: Case,
+    s: Search,
+    alone: Beside,
+    looked_at: dict[_Key, Along],
+    around: dict[_Key, tuple[float, Values]],
 ) -> dict[int, Values]:
     """Places of candidates that are better beside others than those of a search, by their number.
 
     A place is left only for one at which the sets that the candidate is in are better. ``alone``:
-    what is fitted beside no candidate. ``looked_at``: what is known of searches before.
+    what is fitted beside no candidate. ``looked_at``, ``around``: what is known of searches before.
     """
     c, scores, found = s.c, _of_further(case, s), dict[int, Values]()
     beside = dict[_Places, Beside]()
     for rest, rss, known, near in _companies(s, few=len(case.plain.white) < MANY_ROWS):
         j = s.owner[near[0]]
-        free = of_ratios(case.effects[j])
-        if free is None:
+        anywhere = case.effects[j].near_any
+        free = None if anywhere else of_ratios(case.effects[j])
+        if free is None and not anywhere:
             continue
+        together = [*rest, int(near[0])]
+        size, penalty = int(c.rank[together].sum()), float(c.penalty[together].sum())
+        worst = min(s.best + WITHIN, float(s.score(rss - known, size, penalty)) - LOST)
         seen = s.reach.that_matter(rest, j)
-        about = [case.values[j][v][free.name] for v in c.variant[near].tolist()]
         at = _places(case, c, seen)
-        key = at, (j, *about)
+        if free is None:
+            start = case.values[j][int(c.variant[near[0]])]
+            key = at, (j, *start.values())
+            if key not in around:
+                if at not in beside:
+                    beside[at] = _beside(alone, c, seen)
+                enough = _below(s, rss, size, penalty, worst)
+                around[key] = best_around(case, case.effects[j], beside[at], start, enough)
+            gain, values = around[key]
+            score = float(s.score(rss - gain, size, penalty))
+            if score <= min(worst, scores.get(j, np.inf)):
+                found[j], scores[j] = values, score
+            continue
+        about = [case.values[j][v][free.name] for v in c.variant[near].tolist()]
+        key = at, (j, *sorted(about))
         if (along := looked_at.get(key)) is None:
             if at not in beside:
                 beside[at] = _beside(alone, c, seen)
             along = looked_at[key] = Along.of(case, case.effects[j], free, beside[at], about)
-        together = [*rest, int(near[0])]
-        size, penalty = int(c.rank[together].sum()), float(c.penalty[together].sum())
-        worst = min(s.best + WITHIN, float(s.score(rss - known, size, penalty)) - LOST)
         for top, most in zip(*along.peaks(), strict=True):
             worst = min(worst, scores.get(j, np.inf))
             if s.score(rss - most, size, penalty) > worst:
@@ -106,6 +125,13 @@ def _beside_others(
             if score <= (worst if along.on_grid(place) else min(worst, s.best - LOST)):
                 found[j], scores[j] = along.values(place), score
     return found
+
+
+def _below(
+    s: Search, rss: float, size: int, penalty: float, worst: float
+) -> Callable[[float], bool]:
+    """Whether a gain leaves so little that a set of so many columns scores at most so much."""
+    return lambda gain: bool(s.score(rss - gain, size, penalty) <= worst)
 
 
 def _places(case: Case, c: Candidates, blocks: Iterable[int]) -> _Places:
@@ -132,11 +158,13 @@ def _of_further(case: Case, s: Search) -> dict[int, float]:
 class _Gains:
     """What blocks gain beside some others: which may be in a set as good as those near the best.
 
-    rss: What the others leave. known: Gain of the best block of each candidate (c,). large: Whether
-    that is enough for what a grid may miss of it (c,). near: Blocks that may gain enough.
+    rss: What the others leave. gains: Of each block (b,). known: Of the best one of each candidate
+    (c,). large: Whether that is enough for what a grid may miss of it (c,). near: Blocks that may
+    gain enough.
     """
 
     rss: float
+    gains: Floats
     known: Floats
     large: Flags
     near: Integers
@@ -152,15 +180,17 @@ class _Gains:
         known = np.zeros(c.count)
         np.maximum.at(known, c.owner, gains)
         large = s.score(rss, 0, 0.0) - s.score(rss - known, 0, 0.0) > LARGE
-        return cls(rss, known, large, np.flatnonzero(several & (reached <= s.best + WITHIN)))
+        near = several & (reached <= s.best + WITHIN)
+        return cls(rss, gains, known, large, np.flatnonzero(near))
 
 
 def _companies(s: Search, *, few: bool) -> Iterator[tuple[_Blocks, float, float, Integers]]:
     """Blocks beside which a candidate may explain more, what they leave, its gain, and its blocks.
 
-    Those about which it may gain enough; all of them, if it is in the set. Beside the best sets,
-    and these without one cause: that which takes the place of what is missed at places of the grid.
-    Of many readings, whose columns take time, only the block of a cause that is in a set.
+    Those about which it may gain enough, best first; all of them, if it is in the set. Beside the
+    best sets, and these without one cause: that which takes the place of what is missed at places
+    of the grid. Of many readings, whose columns take time, only the block of a cause that is in a
+    set.
     """
     c, seen = s.c, set[tuple[frozenset[int], int]]()
     several = np.bincount(c.owner, minlength=c.count)[c.owner] >= MIN_PLACES
@@ -174,13 +204,15 @@ def _companies(s: Search, *, few: bool) -> Iterator[tuple[_Blocks, float, float,
             own = () if one is None else (s.owner[one],)
             near = found.near if few else np.array([] if one is None else [one], dtype=np.intp)
             acting = {s.owner[b] for b in others}
+            apart = c.not_beside(sum(1 << j for j in acting)) if c.apart else 0
             for j in sorted({*c.owner[near].tolist(), *own} - acting):
-                changes = j in own or touched >> j & 1
+                changes = (j in own or touched >> j & 1) and not apart >> j & 1
                 if found.large[j] and changes and (key := (frozenset(others), j)) not in seen:
                     seen.add(key)
                     every = np.flatnonzero(c.owner == j)
                     blocks = every if few and j in own else np.intersect1d(near, every)
-                    yield others, found.rss, float(found.known[j]), blocks
+                    best_first = np.argsort(-found.gains[blocks], kind="stable")
+                    yield others, found.rss, float(found.known[j]), blocks[best_first]
 
 
 def _left_out(s: Search, *, few: bool) -> Iterator[tuple[_Blocks, _Blocks, int]]:

@@ -61,6 +61,8 @@ def _anew(model: Model, known: Mapping[str, float], effects: EffectValues) -> Fl
             "of the diagnosis among its effects"
         )
     loose = [e for e in kept if e.owner.of_setup]
+    # of more cycles, or fewer, than were diagnosed
+    values |= {e.id: e.values(values[e.id].get(q.name, 0.0) for q in e.parameters) for e in loose}
     index = [(e, i) for e in loose for i, q in enumerate(e.parameters) if q.linear]
     y = model.readings.values
     r: Floats = y - model.predict(at, values)

@@ -93,15 +93,19 @@ def search(
     return s
 
 
+FEW = 4  # sets of each size, of candidates that exclude others
+
+
 def one_by_one(c: Candidates, r: Floats, *, floor: Floor = NO_FLOOR) -> Found:
     """Return the best of the sets that begin with one cause and take the best next one each time.
 
     What it leaves is about what the best of all sets leaves: where a cause stands for another, or
-    several for a few, it explains as much. ``r``, ``floor``: as of :func:`search`.
+    several for a few, it explains as much. One that another excludes may not: then the best sets of
+    each size are a few. ``r``, ``floor``: as of :func:`search`.
     """
     s = Search(c, r, floor)
     if len(c.leaders):
-        s.widen(1, MAX_CAUSES)
+        s.widen(FEW if c.apart else 1, MAX_CAUSES)
     return min(s.known.values(), key=lambda f: f.score)
 
 

@@ -176,7 +176,7 @@ class JointModel(Model):
         own: Effect | None = None,
         level: float = 0.0,
     ) -> Effect:
-        own_fields = ("motion", "least", "stated")
+        own_fields = ("motion", "least", "stated", "near_any", "sought")
         known = {} if own is None else {k: getattr(own, k) for k in own_fields}
         f = OneEffect(self, id_)
         return Effect(id_, parameters, f.change, f.jacobian, label, owner, level=level, **known)

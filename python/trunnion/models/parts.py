@@ -333,18 +333,28 @@ def places_of(
 def with_odds(
     effects: Iterable[Effect], acts: Mapping[str, Sequence[Acts]], parts: Sequence[Part]
 ) -> tuple[Effect, ...]:
-    """Return effects with the count of candidates that each is one of beforehand.
+    """Return effects with the count of candidates that each is one of, and those it is not beside.
 
-    Those of its own measurement, so that another one that says nothing of it makes it neither more
-    nor less probable; where several see it, their geometric mean. A change between dates, which
-    ``acts`` has not, is one of all candidates.
+    The first of those of its own measurement, so that another one that says nothing of it makes it
+    neither more nor less probable; where several see it, their geometric mean. A change between
+    dates, which ``acts`` has not, is one of all candidates. The second as its measurement has them.
     """
+    called: dict[tuple[int, str], str] = {}
+    for id_, some in acts.items():
+        for one in some:
+            called.setdefault((one.part, one.effect.id), id_)
     out = []
     for effect in effects:
         seen = {one.part for one in acts.get(effect.id, ())}
         counts = [math.log(parts[i].among) for i in seen]
         among = math.exp(sum(counts) / len(counts)) if counts else 0.0
-        out.append(replace(effect, among=among))
+        own = {
+            called[one.part, other]
+            for one in acts.get(effect.id, ())
+            for other in one.effect.instead_of
+        }
+        instead_of = (*effect.instead_of, *sorted(own))
+        out.append(replace(effect, among=among, instead_of=instead_of))
     return tuple(out)
 
 

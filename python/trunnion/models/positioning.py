@@ -34,7 +34,14 @@ from trunnion.diagnosis.model import FINEST_NOISE, Covariate, Model, Nuisance, R
 from trunnion.diagnosis.own_effects import with_own
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
-from trunnion.models.breaks import break_of, restart_of, zero_shift
+from trunnion.models.breaks import zero_shift
+from trunnion.models.positioning_breaks import (
+    OF_CYCLES,
+    after_break,
+    apart,
+    of_cycles,
+    scale_change,
+)
 from trunnion.models.warming import warmup
 
 LINEAR, ROTARY = ("x", "y", "z"), ("a", "b", "c")
@@ -122,7 +129,7 @@ class PositioningModel(ReadInTurn):
         n = len(data)
         self._given = tuple(effects)
         unit = "arcsec" if data.rotary else "um"
-        after = _after_break(data)
+        after = after_break(data)
         stops = data.direction * 1e6 + index
         super().__init__(
             data=data,
@@ -254,7 +261,8 @@ class ExtendedPositioning(Estimate):
     offset: float
 
 
-OF_TIME = ("cycle_drift", "drift", "warmup", "screw_warmup", "zero_shift", "expansion")
+BETWEEN = ("scale_change", "zero_shift", *OF_CYCLES)
+OF_TIME = ("cycle_drift", "drift", "warmup", "screw_warmup", *BETWEEN, "expansion")
 IDS = (
     "scale",
     "reversal",
@@ -266,7 +274,7 @@ IDS = (
     "drift",
     "warmup",
     "screw_warmup",
-    "zero_shift",
+    *BETWEEN,
     "expansion",
     "curve",
 )
@@ -290,14 +298,16 @@ def _covariates(data: Positioning) -> tuple[Covariate, ...]:
 
 
 def _folds(data: Positioning, after: Flags) -> Integers:
-    """What is predicted together: a cycle from the others; of one cycle each stop.
+    """What is predicted together: a pass from the others; of one cycle each stop.
 
-    after: Stops after a break, which are predicted from such, and so are those before it.
+    A pass, as what a cycle has of its own is seen in its other one. after: Stops after a break,
+    which are predicted from such, and so are those before it.
     """
-    cycle, out = np.asarray(data.cycle), np.arange(len(data))
+    cycle, sense = np.asarray(data.cycle), np.asarray(data.direction) > 0
+    out = np.arange(len(data))
     for part in (after, ~after):
-        cycles, number = np.unique(cycle[part], return_inverse=True)
-        if len(cycles) > 1:
+        if len(np.unique(cycle[part])) > 1:
+            number = np.unique(2 * cycle[part] + sense[part], return_inverse=True)[1]
             out[part] = np.flatnonzero(part)[np.unique(number, return_index=True)[1]][number]
     return np.asarray(np.unique(out, return_inverse=True)[1], dtype=np.intp)
 
@@ -333,8 +343,11 @@ def _catalogue(data: Positioning, unit: str, after: Flags) -> list[Effect]:
         out.append(
             linear("cycle_drift", [f"rate_{unit}_cycle"], cycles, "drift from cycle to cycle")
         )
-    out += _of_time(data, unit)
-    if np.any(after):
+    lasts = not np.any(after)  # else a screw has cooled in between
+    out += _of_time(data, unit, lasts)
+    if lasts:
+        out += of_cycles(data, unit, None if data.rotary else data.target)
+    else:
         out.append(zero_shift("", after.astype(float)[:, None], f"d_{unit}"))
     if data.temperature_c is not None and np.ptp(data.temperature_c) > 0:
         out.append(_expansion(data, 1e-6 * size))
@@ -345,7 +358,7 @@ def _catalogue(data: Positioning, unit: str, after: Flags) -> list[Effect]:
         beside = _beside(each, line)[:, 1:-1]
         label = "repeatable curve of deviations without a name"
         out.append(linear("curve", _places(nodes[1:-1], suffix, unit), beside, label))
-    return out
+    return apart(out)
 
 
 def _nodes(targets: Floats) -> Floats:
@@ -450,18 +463,7 @@ def _seconds(data: Positioning) -> Floats | None:
     return elapsed_s(data.time_s)
 
 
-def _after_break(data: Positioning) -> Flags:
-    """Which stops come after the run was begun again, else after a break; none: in one go."""
-    cycle, time_s, order = np.asarray(data.cycle), data.time_s, data.in_time
-    stop = 2 * data.stops[1] + (data.direction > 0)
-    again = restart_of(cycle[order], stop[order])
-    if again is not None:
-        return np.asarray(np.isin(np.arange(len(data)), order[again:]))
-    t0_s = None if time_s is None else break_of(time_s, cycle)
-    return np.zeros(len(data), dtype=bool) if t0_s is None else np.asarray(time_s) > t0_s
-
-
-def _of_time(data: Positioning, unit: str) -> list[Effect]:
+def _of_time(data: Positioning, unit: str, lasts: bool) -> list[Effect]:
     seconds = _seconds(data)
     if seconds is None:
         return []
@@ -475,6 +477,8 @@ def _of_time(data: Positioning, unit: str) -> list[Effect]:
         from_middle = 1e-3 * (data.target - data.target.mean())
         enters, label = np.stack([from_middle, ones], axis=1), "warm-up of the screw, which grows"
         out.append(warmup("screw_warmup", ["ppm", size], seconds / 60.0, enters, label))
+        if lasts:
+            out.append(scale_change(data.target, seconds / 60.0))
     return out
 
 
