@@ -271,8 +271,11 @@ def _fitted(
     notes += [f"{name}: {said}" for name, d in zip(shown, own, strict=True) for said in d.notes]
     models = _models(diagnoses, own)
     effects = {}
+    scatter = {e.id for m in models for e in m.effects if e.near_any and e.owner.of_setup}
     for name, values in surest_causes(diagnoses).items():
-        if all(name in {e.id for e in m.effects} for m in models) and not any(
+        if name in scatter:
+            notes.append(f"Scatter of the cycles, which standard errors include: {name}.")
+        elif all(name in {e.id for e in m.effects} for m in models) and not any(
             name in models[0].differing(m) for m in models[1:]
         ):
             effects[name] = values
