@@ -1,14 +1,18 @@
-"""Sets of causes behind which an effect may be that nothing demands."""
+"""Sets of causes that only a report asks for: what may be behind named causes, or instead."""
 
 from collections.abc import Collection
+from copy import copy
 
 import numpy as np
+from scipy import special
 
 from trunnion.base.units import Floats
-from trunnion.diagnosis.candidates import Candidates
+from trunnion.diagnosis.candidates import NAMING_LEVEL, Candidates
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.columns import APART
 from trunnion.diagnosis.explanation import Sets
+from trunnion.diagnosis.joint_ids import Happened, JointId
+from trunnion.diagnosis.scorer import SCORE_DIGITS
 from trunnion.diagnosis.selection import WITHIN, Found, search
 
 MAX_ALTERNATIVES = 50
@@ -50,6 +54,47 @@ def behind(case: Case, best: float, sets: Sets) -> Sets:
     small = [k for k in (*known, *out) if k & hidden]
     fresh = [one for with_it, one in out.items() if not any(with_it > k for k in small)]
     return sorted(fresh, key=lambda one: one[1])
+
+
+def differing_instead(case: Case, best: float, sets: Sets) -> Sets:
+    """Sets in which what kinds share differs instead of a cause that one kind of measurement shows.
+
+    A machine that was changed between two measurements looks like one with a cause that only one of
+    them shows: a drift of the plate for a scale. That kinds differ is named at a level far below
+    that of a cause. Instead of such a cause it has the odds of a change between two dates of one
+    kind, those of any cause, and is no likelier than what is named.
+    """
+    c = case.candidates
+    effects, named = case.effects[: c.count], frozenset(sets[0][0])
+    ids = [JointId.of(effect.id) for effect in effects]
+    differing = {j for j, of in enumerate(ids) if of.happened is Happened.DIFFERS}
+    own = {j for j in named if j < c.count and effects[j].of_one_kind}
+    if not differing or not own or named & differing:
+        return []
+    found = search(_at_usual_odds(c, differing), case.plain.white, floor=case.floor).found
+    near = [f for f in found if f.score <= best + WITHIN]
+    near = [f for f in near if f.members & differing and not own <= f.members]
+    near.sort(key=lambda f: (round(f.score, SCORE_DIGITS), len(f.members & differing)))
+    # Which kind differs from which says the same again.
+    known, said = {frozenset(members) for members, _, _ in sets}, set[frozenset[str]]()
+    out: Sets = []
+    for f in near:
+        for members in expand(c, f):
+            what = frozenset(ids[j].cause if j in differing else effects[j].id for j in members)
+            if what not in said and frozenset(members) not in known:
+                said.add(what)
+                out.append((members, max(f.score - best, 0.0), f.rss))
+    return out
+
+
+def _at_usual_odds(c: Candidates, some: Collection[int]) -> Candidates:
+    """Return candidates, some of them at the level of a usual cause, one among all."""
+    new = copy(c)
+    usual = np.isin(np.arange(c.count), sorted(some))
+    new.level = np.where(usual, NAMING_LEVEL / max(c.multiplicity, 1.0), c.level)
+    new.chance = np.asarray(special.chdtri(c.rank, new.level[c.owner] / c.places))
+    new.penalty = c.penalty + c.inflation * (new.chance - c.chance)
+    return new
 
 
 def _take_a_share(c: Candidates, sets: Collection[frozenset[int]], own: Floats) -> bool:

@@ -152,6 +152,8 @@ class Effect:
         a set of causes what it contradicts of that, and its estimate is made with it.
     spread:
         How its linear parameters are functions times classes of readings, where they are.
+    of_one_kind:
+        Of measurements of several kinds: whether those of one kind alone show it.
     """
 
     id: str
@@ -173,6 +175,7 @@ class Effect:
     sought: float = 1.0
     stated: Stated | None = None
     spread: Spread | None = None
+    of_one_kind: bool = False
 
     @property
     def ordinary(self) -> bool:

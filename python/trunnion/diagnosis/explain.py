@@ -9,7 +9,7 @@ import numpy as np
 from trunnion.base.resolution import Floor
 from trunnion.diagnosis.alarms import CAUSE_LEVEL, Alarm, scatter
 from trunnion.diagnosis.alike import Alike, sums_of_causes
-from trunnion.diagnosis.behind import behind, expand
+from trunnion.diagnosis.behind import behind, differing_instead, expand
 from trunnion.diagnosis.cancelling import cancelling
 from trunnion.diagnosis.candidates import NAMING_LEVEL, Candidates
 from trunnion.diagnosis.case import Case
@@ -133,6 +133,7 @@ def _exact_among(case: Case, noisy: Case) -> Explanation | None:
         terms=[],
         probabilities=only,
         behind=None,
+        instead=None,
         assumed=noisy.floor.variance,
     )
 
@@ -212,6 +213,7 @@ def _explained(case: Case, after: Search | None = None) -> Explanation:
     least = min(best.score, chances.search.top.score)
     sets = _alternatives(case, named, least) if demanded else []
     later = partial(behind, case, least, sets) if sets and not terms else None
+    instead = partial(differing_instead, case, least, sets) if sets and not terms else None
     note, p_scatter = scatter(case, extended)
     alarm = min(1.0, 0.05 * min(alarm_cause.p / CAUSE_LEVEL, alarm_scan.p / SCAN_LEVEL, p_scatter))
     penalty = best.score - float(case.floor.deviance(best.rss, plain.dof))
@@ -228,22 +230,24 @@ def _explained(case: Case, after: Search | None = None) -> Explanation:
         note=note,
         least=top.rss,
         behind=later,
+        instead=instead,
     )
 
 
 def with_behind(e: Explanation) -> Explanation:
-    """Return an explanation with the sets that have an effect behind the others, sought now."""
+    """Return an explanation with the sets that only a report asks for, sought now."""
     behind = [] if e.behind is None else e.behind()
-    if not behind:
+    instead = [] if e.instead is None else e.instead()
+    if not (behind or instead):
         return e
-    known = [
-        Behind(frozenset(members), [*members][-1], distance) for members, distance, _ in behind
-    ]
+    known = [Behind(frozenset(m), [*m][-1], distance) for m, distance, _ in behind]
+    known += [Behind(frozenset(m), None, distance) for m, distance, _ in instead]
     return replace(
         e,
-        sets=[*e.sets, *behind] if e.sets else [],
+        sets=[*e.sets, *behind, *instead] if e.sets else [],
         probabilities=e.probabilities.with_behind(known),
         behind=None,
+        instead=None,
     )
 
 

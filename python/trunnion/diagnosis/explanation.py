@@ -42,6 +42,8 @@ class Explanation:
         Sum of squares that the best set of causes leaves, as linearised.
     behind:
         Finds sets with an effect behind those of others, which only a report asks for.
+    instead:
+        Finds sets in which what kinds of measurement share differs instead of a named cause, too.
     assumed:
         Variance of a white reading that sets were searched with; 0: what they leave.
     """
@@ -58,4 +60,5 @@ class Explanation:
     note: str | None = None
     least: float = np.inf
     behind: Callable[[], Sets] | None = None
+    instead: Callable[[], Sets] | None = None
     assumed: float = 0.0

@@ -334,9 +334,9 @@ HAPPENED = {
     Happened.DIFFERS: Family(
         "contradiction",
         "",
-        "the measurements contradict each other: compare signs, units, temperatures and "
-        "certificates of the one that differs with the others, measure it again, and correct "
-        "nothing before.",
+        "the measurements contradict each other, or the machine was changed between them (a "
+        "crash, work on it): compare signs, units, temperatures and certificates of the one that "
+        "differs with the others, measure it again, and correct nothing before.",
     ),
 }
 """By what happened to a cause in one of several measurements."""

@@ -55,10 +55,13 @@ MIN_WEIGHT = 0.01  # of a set, by which causes are asked for that it hides
 
 @dataclass(frozen=True)
 class Behind:
-    """A set with an effect behind it: its candidates, the one behind, the distance to the best."""
+    """A set with an effect behind it: its candidates, the one behind, the distance to the best.
+
+    Without one behind, None, all of its causes are paid for in the distance.
+    """
 
     members: Members
-    behind: int
+    behind: int | None
     distance: float
 
 
@@ -350,7 +353,10 @@ class Probabilities:
         best = _mask(self.search.top.members)
         own, weight = self.candidates.level / NAMING_LEVEL, self._weights.get(best, 1.0)
         return {
-            b.members: weight * float(own[b.behind] * np.exp(-b.distance / 2)) for b in self.behind
+            b.members: weight
+            * math.exp(-b.distance / 2)
+            * (1.0 if b.behind is None else float(own[b.behind]))
+            for b in self.behind
         }
 
     @cached_property

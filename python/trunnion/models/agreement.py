@@ -21,8 +21,10 @@ if TYPE_CHECKING:
     from trunnion.models.parts import Acts, Part
 
 LEVEL = 1e-8
-"""At which "other in one measurement" is a candidate: no set that has the shared cause instead
-comes near one that has this, but for a difference that noise makes in less than 1 of 1000."""
+"""At which "other in one measurement" is named: no set that has the shared cause instead comes near
+one that has this, but for a difference that noise makes in less than 1 of 1000. Instead of a cause
+that one kind alone shows it is an alternative at the odds of any cause
+(:func:`~trunnion.diagnosis.behind.differing_instead`)."""
 SCALE_OF_RUNS = 2e-6
 """The same of a scale in positioning runs alone, beside measurements with a length of their own: a
 hundredth of what a cause among fifty has. Their instrument takes another temperature for the
@@ -34,6 +36,7 @@ MIN_SEEN = 1e-4
 """Of what all measurements see of a cause, squared over their noise: less tells no difference."""
 TINY = 1e-300
 APART = "the measurements contradict each other"
+OR_CHANGED = "(or the machine was changed between them)"
 OPPOSITE = (
     ": the same with the other sign, as of a direction or a sense of approach that is reversed"
 )
@@ -153,10 +156,10 @@ def with_contradictions(found: Diagnosis, model: JointModel) -> Diagnosis:
     """Say which measurement says what of a cause that the likeliest set takes apart."""
     names = sorted({model.apart[i][1] for i in found.named if i in model.apart})
     if not names:
-        return found
+        return _with_possible_changes(found, model)
     each = {name: _said(found, model, name) for name in names}
     said = {name: one.sentence() + _elsewhere(found, one) for name, one in each.items()}
-    text = f"{APART}: {'; '.join(said.values())}"
+    text = f"{APART}: {'; '.join(said.values())} {OR_CHANGED}"
     lost = {name: f"{APART}: {one}" for name, one in said.items() if name in found.errors_std}
     unknown = dict.fromkeys(lost, np.inf)
     return replace(
@@ -167,6 +170,19 @@ def with_contradictions(found: Diagnosis, model: JointModel) -> Diagnosis:
         not_identifiable={**found.not_identifiable, **lost},
         model=replace(found.model, std_errors={**found.model.std_errors, **unknown}),
     )
+
+
+def _with_possible_changes(found: Diagnosis, model: JointModel) -> Diagnosis:
+    """Ask for changes of the machine that are among the alternatives only."""
+    every = frozenset().union(*found.alternatives) & model.apart.keys()
+    if not every:
+        return found
+    names = " and ".join(sorted({model.apart[i][1] for i in every}))
+    note = (
+        f"{names} may be other in one kind of measurement than in the others: was the machine "
+        "changed between them (a crash, work on it), or is one of them wrong?"
+    )
+    return replace(found, notes=(*found.notes, note))
 
 
 def _elsewhere(found: Diagnosis, said: Said) -> str:

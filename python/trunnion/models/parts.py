@@ -338,14 +338,16 @@ def with_odds(
     The first of those of its own measurement, so that another one that says nothing of it makes it
     neither more nor less probable; where several see it, their geometric mean. A change between
     dates, which ``acts`` has not, is one of all candidates. The second as its measurement has them.
+    And whether one kind alone shows each.
     """
     called: dict[tuple[int, str], str] = {}
     for id_, some in acts.items():
         for one in some:
             called.setdefault((one.part, one.effect.id), id_)
-    out = []
+    out, kinds = [], {part.kind for part in parts}
     for effect in effects:
         seen = {one.part for one in acts.get(effect.id, ())}
+        alone = len({parts[i].kind for i in seen}) == 1 < len(kinds)
         counts = [math.log(parts[i].among) for i in seen]
         among = math.exp(sum(counts) / len(counts)) if counts else 0.0
         own = {
@@ -354,7 +356,7 @@ def with_odds(
             for other in one.effect.instead_of
         }
         instead_of = (*effect.instead_of, *sorted(own))
-        out.append(replace(effect, among=among, instead_of=instead_of))
+        out.append(replace(effect, among=among, instead_of=instead_of, of_one_kind=alone))
     return tuple(out)
 
 
