@@ -13,6 +13,7 @@ WIDTHS = (1 / 4, 1 / 8, 1 / 16)  # in turns or ranges
 STEPS_A_WIDTH = 2  # between neighbouring places
 BESIDE_PLACE = np.linspace(-0.25, 0.25, 5)  # in widths, around a place of the scan
 TIMES_WIDTH = (0.5, 0.7, 1.0, 1.4)  # the same of widths
+FAR_LESS = 0.2  # of a gain, that a local error has at a place of the scan near the best one
 ROUNDS = 5  # of places and widths half as far from the best ones each time
 
 
@@ -47,8 +48,12 @@ def likeliest(
 ) -> tuple[tuple[float, float], float]:
     """Place and width near those of the scan at which a local error gains most; the gain.
 
-    ``least``: of one that gains less the nearest of a few that are tried.
+    ``least``: of one that gains less the nearest of a few that are tried; of one that gains far
+    less at the place of the scan that place.
     """
+    at_scan = gains(np.array([place]), np.array([width]))
+    if at_scan[0] < FAR_LESS * least:
+        return (place, width), float(at_scan[0])
     about, step, ratio = np.arange(-1.0, 2.0), np.diff(BESIDE_PLACE)[0], TIMES_WIDTH[-1]
     places, widths = between(place, width)
     bounds = widths[0], widths[-1]

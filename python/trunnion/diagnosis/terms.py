@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special
 
-from trunnion.base.statistics import MANY_ROWS
+from trunnion.base.statistics import MANY_ROWS, Spanned
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.columns import inners
@@ -194,15 +194,20 @@ def _places_of_local(
 ) -> Iterator[tuple[int, Place]]:
     """Local errors, those that gain most of a quantity in a component, and where they do.
 
-    Beside some fits, and beside these without one cause: a bump that the cause makes in part is
-    another one beside it.
+    Beside some fits, and beside these without one cause that acts in the same measurement: a bump
+    that the cause makes in part is another one beside it.
     """
     d = case.dictionary
-    some = sorted(set(d.of_kind("local").tolist()).intersection(terms))
-    for f in fits if some else ():
+    every = sorted(set(d.of_kind("local").tolist()).intersection(terms))
+    for f in fits if every else ():
+        beside: list[tuple[Floats | Spanned, Floats, list[int]]] = [(f.basis, f.white, every)]
         # of many readings the bases take time
-        acting = [e for e in case.effects if e.id in f.effects and len(f.white) < MANY_ROWS]
-        for basis, left in [(f.basis, f.white), *(without_one(case, e, f) for e in acting)]:
+        for e in case.effects if len(f.white) < MANY_ROWS else ():
+            if e.id in f.effects:
+                changed = np.any(f.jacobian[case.rows][:, case.columns_of(e, f)] != 0.0, axis=1)
+                if some := [i for i in every if np.any(changed[d.readings(i)])]:
+                    beside.append((*without_one(case, e, f), some))
+        for basis, left, some in beside:
             least = float(left @ left) * -np.expm1(-LARGE / f.dof)
             best: dict[tuple[str, str], tuple[float, int, Place]] = {}
             for i in some:
