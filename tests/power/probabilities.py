@@ -63,10 +63,12 @@ usual size; causes that look alike are drawn together, too (a drift and a warm-u
 curve of targets and a wave that is one of these), but not effects on axis logs with a correlation
 above 0.7, nor those on touches, levels and tests of rotary axes with one above 0.999; of a tilt and
 an axial motion that one target of a sweep does not tell apart one is drawn, either as often. In one
-of eight cases an error is hidden that is no cause of the catalogue (hybrid ball-bar: none). Of
-those of levels, cycles of the room's air last nearly a pass, a half or a third of it (1, 2 or 3 a
-pass, 0.2 more or less at most): with half a cycle more the level that is turned for the second pass
-reads what a surface of that shape would give.
+of eight cases an error is hidden that is no cause of the catalogue (hybrid ball-bar: none). The
+cycles of 15 % of positioning runs are not alike: beside the other causes zero or scale is another
+one in each, or the scale changes in the course of the run. Of levels, cycles of the room's air last
+nearly a pass, a half or a third of it (1, 2 or 3 a pass, 0.2 more or less at most): with half a
+cycle more the level that is turned for the second pass reads what a surface of that shape would
+give.
 
 A diagnosis states, for sets of causes and for none, how probable it is that just these causes of
 the catalogue act. *Stated* and *true*: the mean probability of the most probable set and how often
