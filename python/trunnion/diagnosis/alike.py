@@ -38,12 +38,11 @@ class Alike:
     def with_a_name(self) -> set[int]:
         """Terms that a cause alone makes: readings that show them show the cause.
 
-        Not one that makes much of anything.
-        Or, beside what is linear, all that any smooth function of their quantity makes. A cause of
-        sizes of its own in each class of readings makes a term if it does by one size in all:
-        others that agree are a coincidence. Of a term in all components at once a cause of no more
-        columns has to make just that: a knock nearly is a drift, and what it does to each component
-        tells which of the two.
+        Or, beside what is linear, all that any smooth function of their quantity makes. Causes that
+        make much of anything do not count. One of sizes of its own in each class of readings makes
+        a term if it does by one size in all: others that agree are a coincidence. Of a term in all
+        components at once a cause of no more columns has to make just that: a knock nearly is a
+        drift, and what it does to each component tells which of the two.
         """
         c, d, found = self._case.candidates, self._case.dictionary, set[int]()
         free = np.flatnonzero(np.isfinite(c.penalty) & ~np.isin(c.owner, [*c.near_any]))

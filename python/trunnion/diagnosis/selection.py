@@ -42,6 +42,7 @@ BEAM_OF_SEVERAL = 32  # measurements: many sets of a size differ in what explain
 REACH = 30.0  # above the best score, to which sets are weighed: a likelihood ratio of 3e6
 SAME_SCORE = 1e-9
 MAX_CAUSES = 12
+FEW = 4  # sets of each size that are taken one by one, of candidates that exclude others
 EXCHANGES = 4
 EXCHANGED_SETS = 4
 CANCELLING = 3.0  # times the residuals, that a contribution may be without costing much
@@ -91,9 +92,6 @@ def search(
         s.exchange()
         s.settle()
     return s
-
-
-FEW = 4  # sets of each size, of candidates that exclude others
 
 
 def one_by_one(c: Candidates, r: Floats, *, floor: Floor = NO_FLOOR) -> Found:
