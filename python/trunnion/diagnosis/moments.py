@@ -133,9 +133,9 @@ def _beside(case: Case, f: Fit, own: list[int], y: Floats) -> tuple[Floats | Spa
 
 
 def _beside_few(case: Case, f: Fit, own: list[int], y: Floats) -> tuple[Floats, Floats]:
-    """Return the same of few rows."""
-    others = case.white(np.delete(f.jacobian, own, axis=1))
-    basis = basis_of_all(others)
+    """Return the same of few rows: all that is fitted is in the basis of the fit."""
+    others = f.basis.T @ case.white(np.delete(f.jacobian, own, axis=1))
+    basis = f.basis @ basis_of_all(others)
     return basis, y - basis @ (basis.T @ y)
 
 
