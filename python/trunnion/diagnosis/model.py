@@ -466,7 +466,7 @@ class Model:
         whose = {
             Owner.INSTRUMENT: "it belongs to the instrument",
             Owner.WORKPIECE: "it belongs to the part",
-            Owner.PLACEMENT: "it belongs to the part",
+            Owner.PLACEMENT: "it belongs to this set-up",
         }
         for e in self.effects:
             if e.id not in effects:

@@ -119,7 +119,7 @@ def come(minutes: Floats, from_min: float, over_min: float) -> Floats:
 
 
 def _another(what: str) -> str:
-    return f"{what} of the axis, another in each cycle"
+    return f"{what} of the axis, another in each cycle, less that of the first"
 
 
 @dataclass(frozen=True, eq=False)
