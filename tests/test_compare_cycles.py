@@ -86,3 +86,20 @@ def test_a_cause_that_was_not_there_before_is_a_change(seed: int) -> None:
     before, after = _run(2 * seed, 0.0, ""), _run(2 * seed + 1, 8.0, "")
     assert "scale" not in [c.id for c in tn.diagnose(before).causes]
     assert "scale.ppm" in tn.compare(before, after).changed
+
+
+def test_runs_with_one_target_in_common_have_no_results_of_the_standard_to_compare() -> None:
+    """Of one target mean deviations are nothing, which was "E 0.000000000 µm"."""
+    one, other = _run(0, 10.0, ""), _run(1, 10.0, "")
+    first = np.asarray(other.target) == other.stops[0][0]
+    target = np.where(first, one.stops[0][0], other.target)
+    measured = target + np.asarray(other["measured_mm"]) - other.target
+    found = tn.compare(one, other.with_columns(target_mm=target, measured_mm=measured))
+    assert {q.name for q in found.quantities} == {"scale.ppm", "reversal.b_um"}
+    assert any("one place in common" in note for note in found.notes)
+
+
+def test_what_is_taken_as_scatter_is_said_in_words() -> None:
+    found = tn.compare(_run(0, 10.0, "scale"), _run(1, 10.0, "scale"))
+    (note,) = (one for one in found.notes if "scatter" in one)
+    assert note.startswith("Scale of the axis, another in each cycle")

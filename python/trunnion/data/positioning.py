@@ -34,6 +34,7 @@ OFF_LINE = 0.01  # of the measured travel: half of the positions of an axis are 
 MAX_OFF_LINE = 1.0  # mm or degrees: the same, of an axis that hardly moves
 TURN_DEG, NEAR_A_TURN_DEG = 360.0, 10.0
 OF_LONG_TRAVEL = 1e-5  # of the measured travel: the same, of positions in a smaller unit
+MIN_COMMON = 2  # targets of runs whose results are compared: of one no mean deviates
 FAR_OFF = 10.0  # of the median distance from the line: stops that are no part of it
 LARGE_DEVIATION = 1.0  # mm or degrees: what no axis deviates by
 SIDES = {frozenset((1,)): "forward", frozenset((-1,)): "backward"}
@@ -358,7 +359,7 @@ class Positioning(Table):
         nominal, index = self.stops
         shared = [np.isin(nominal, one.stops[0])[index] for one in (self, *others)]
         common: Flags = np.all(shared, axis=0)
-        if not np.any(common):
+        if len(np.unique(index[common])) < MIN_COMMON:
             return ()
         try:
             return (self[common].iso230_2(),)

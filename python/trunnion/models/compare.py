@@ -18,7 +18,7 @@ import numpy as np
 from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result
-from trunnion.base.units import Floats, unit_of
+from trunnion.base.units import Floats, capital, unit_of
 from trunnion.data.distinct import Distinct, distinct_rows, given_again
 from trunnion.data.mistaken import of_each
 from trunnion.diagnosis.model import Model
@@ -191,10 +191,11 @@ def _of_standard(data: Sequence[Any], notes: list[str]) -> list[dict[str, Value]
     if not all(hasattr(d, "results") for d in data):
         return [{} for _ in data]
     places = [d.stations[0] for d in data]
-    if not set.intersection(*({tuple(np.atleast_1d(x).tolist()) for x in p} for p in places)):
+    shared = set.intersection(*({tuple(np.atleast_1d(x).tolist()) for x in p} for p in places))
+    if len(shared) < 2:
         counts = " and ".join(map(_of_places, places))
         notes.append(
-            f"The measurements have no place in common, of {counts}: "
+            f"The measurements have {'one' if shared else 'no'} place in common, of {counts}: "
             "figures of a standard that are of the same places are not compared; causes are."
         )
     elif any(not np.array_equal(p, places[0]) for p in places[1:]):
@@ -274,7 +275,8 @@ def _fitted(
     scatter = {e.id for m in models for e in m.effects if e.near_any and e.owner.of_setup}
     for name, values in surest_causes(diagnoses).items():
         if name in scatter:
-            notes.append(f"Scatter of the cycles, which standard errors include: {name}.")
+            label = capital(models[0].effect(name).label)
+            notes.append(f"{label}: taken as scatter, which standard errors include.")
         elif all(name in {e.id for e in m.effects} for m in models) and not any(
             name in models[0].differing(m) for m in models[1:]
         ):
