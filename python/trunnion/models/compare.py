@@ -272,7 +272,7 @@ def _fitted(
     notes += [f"{name}: {said}" for name, d in zip(shown, own, strict=True) for said in d.notes]
     models = _models(diagnoses, own)
     effects = {}
-    scatter = {e.id for m in models for e in m.effects if e.near_any and e.owner.of_setup}
+    scatter = {e.id for m in models for e in m.effects if e.near_any}
     for name, values in surest_causes(diagnoses).items():
         if name in scatter:
             label = capital(models[0].effect(name).label)
