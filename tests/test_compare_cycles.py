@@ -103,3 +103,12 @@ def test_what_is_taken_as_scatter_is_said_in_words() -> None:
     found = tn.compare(_run(0, 10.0, "scale"), _run(1, 10.0, "scale"))
     (note,) = (one for one in found.notes if "scatter" in one)
     assert note.startswith("Scale of the axis, another in each cycle")
+
+
+def test_a_run_of_few_cycles_is_compared_with_one_of_many() -> None:
+    """Of two cycles neither zero nor scale is a cause of each."""
+    one, other = _run(0, 10.0, ""), _run(1, 10.0, "scale")
+    few = one[np.asarray(one.cycle) <= 2]
+    found = tn.compare(few, other)
+    assert any("scatter" in note for note in found.notes)
+    assert "scale.ppm" in found.values

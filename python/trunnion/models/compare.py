@@ -272,11 +272,10 @@ def _fitted(
     notes += [f"{name}: {said}" for name, d in zip(shown, own, strict=True) for said in d.notes]
     models = _models(diagnoses, own)
     effects = {}
-    scatter = {e.id for m in models for e in m.effects if e.near_any}
+    scatter = {e.id: e.label for m in models for e in m.effects if e.near_any}
     for name, values in surest_causes(diagnoses).items():
         if name in scatter:
-            label = capital(models[0].effect(name).label)
-            notes.append(f"{label}: taken as scatter, which standard errors include.")
+            notes.append(f"{capital(scatter[name])}: taken as scatter, as standard errors have it.")
         elif all(name in {e.id for e in m.effects} for m in models) and not any(
             name in models[0].differing(m) for m in models[1:]
         ):
