@@ -58,6 +58,8 @@ def best_around(
         own = slopes(values(place))[:, flat]
         sizes = np.asarray(np.linalg.lstsq(own, beside.residual, rcond=None)[0])
         every = slopes(values(place, sizes))
+        if not np.isfinite(every).all():  # nothing is left of the effect beside the others
+            break
         full = np.linalg.lstsq(every, beside.residual, rcond=None)[0]
         left, step = beside.residual - every @ full, full[free]
         if not enough(most + ABOVE * (beside.rss - float(left @ left) - most)):
