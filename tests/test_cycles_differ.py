@@ -5,7 +5,6 @@ The disturbances are written here in numpy, from what is done at a machine.
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,6 @@ import pytest
 
 import trunnion as tn
 from promise import kept, needed_runs
-from trunnion.diagnosis import terms
 
 NOISE_UM = 0.4
 SURE = 0.9
@@ -232,18 +230,3 @@ def test_several_runs_have_cycles_of_their_own() -> None:
             "positioning 2:scale_change",
         }
     assert clean == 6
-
-
-def test_two_causes_that_begin_at_moments_share_a_jump(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A jump that may be there instead of either was listed twice, and the search failed."""
-    places = iter([[(7, 3.0)], [(7, 2.0), (8, 1.0)]])
-    monkeypatch.setattr(terms, "moments_of", lambda *_: ["t0_s"])
-    monkeypatch.setattr(terms, "without_one", lambda *_: (None, None))
-    case = SimpleNamespace(
-        effects=[SimpleNamespace(id="one"), SimpleNamespace(id="two")],
-        columns_of=lambda *_: [0],
-        dictionary=SimpleNamespace(best_jumps=lambda *_: next(places)),
-    )
-    fit = SimpleNamespace(effects={"one": {}, "two": {}}, jacobian=np.ones((3, 1)))
-    found = terms.jumps_instead(case, fit)  # type: ignore[arg-type]
-    assert found == [terms.Competing(7, (2.0, 3.0)), terms.Competing(8, (1.0,))]

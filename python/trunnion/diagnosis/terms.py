@@ -3,15 +3,17 @@
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from scipy import special
 
 from trunnion.base.statistics import MANY_ROWS, Spanned
-from trunnion.base.units import Floats, Integers
+from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.columns import inners
+from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.functions import DEPENDENT
 from trunnion.diagnosis.moments import moments_of, without_one
@@ -121,13 +123,10 @@ class _Made:
     def beside(self, left: Floats) -> "_Made":
         """Return the same with what is left beside all causes of the set, (n,)."""
         columns = np.column_stack([self.columns, left])
-        return replace(
-            self,
-            columns=columns,
-            weights=np.concatenate([self.weights, np.ones((1, len(self.paid)))]),
-        )
+        weights = np.concatenate([self.weights, np.ones((1, len(self.paid)))])
+        return replace(self, columns=columns, weights=weights)
 
-    @property
+    @cached_property
     def squares(self) -> Floats:
         """Sum of squares of each sum, (s,)."""
         products = self.columns.T @ self.columns
@@ -204,7 +203,7 @@ def _places_of_local(
         # of many readings the bases take time
         for e in case.effects if len(f.white) < MANY_ROWS else ():
             if e.id in f.effects:
-                changed = np.any(f.jacobian[case.rows][:, case.columns_of(e, f)] != 0.0, axis=1)
+                changed = _changed(case, e, f)[case.rows]
                 if some := [i for i in every if np.any(changed[d.readings(i)])]:
                     beside.append((*without_one(case, e, f), some))
         for basis, left, some in beside:
@@ -226,10 +225,15 @@ def jumps_instead(case: Case, f: Fit) -> list[Competing]:
     for effect in case.effects:
         if effect.id in f.effects and moments_of(case, effect, f):
             basis, left = without_one(case, effect, f)
-            changed = np.any(f.jacobian[:, case.columns_of(effect, f)] != 0.0, axis=1)
+            changed = _changed(case, effect, f)
             for i, place in case.dictionary.best_jumps(left, basis, changed):
                 places.setdefault(i, set()).add(place)
     return [Competing(i, tuple(sorted(some))) for i, some in places.items()]
+
+
+def _changed(case: Case, effect: Effect, f: Fit) -> Flags:
+    """Which readings an effect of a fit changes, (n,)."""
+    return np.asarray(np.any(f.jacobian[:, case.columns_of(effect, f)] != 0.0, axis=1))
 
 
 def _together(case: Case, parts: Sequence[Floats], least: int) -> list[tuple[int, ...]]:
