@@ -4,7 +4,6 @@ from collections.abc import Collection
 from copy import copy
 
 import numpy as np
-from scipy import special
 
 from trunnion.base.units import Floats
 from trunnion.diagnosis.candidates import NAMING_LEVEL, Candidates
@@ -92,7 +91,7 @@ def _at_usual_odds(c: Candidates, some: Collection[int]) -> Candidates:
     new = copy(c)
     usual = np.isin(np.arange(c.count), sorted(some))
     new.level = np.where(usual, NAMING_LEVEL / max(c.multiplicity, 1.0), c.level)
-    new.chance = np.asarray(special.chdtri(c.rank, new.level[c.owner] / c.places))
+    new.chance = new.by_chance()
     new.penalty = c.penalty + c.inflation * (new.chance - c.chance)
     return new
 

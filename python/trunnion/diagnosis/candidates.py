@@ -277,10 +277,13 @@ class Candidates:
         """Price the blocks by how many places each candidate has."""
         self.places = self._places()
         self.inflation = np.ones(len(self.owner))
-        self.chance = np.asarray(special.chdtri(self.rank, self.level[self.owner] / self.places))
-        self.penalty = self.chance
+        self.chance = self.penalty = self.by_chance()
         if own_price is not None:
             self.penalty = self.penalty + own_price[self.owner]
+
+    def by_chance(self) -> Floats:
+        """What each block gains by chance at the level of its candidate, at any place (b,)."""
+        return np.asarray(special.chdtri(self.rank, self.level[self.owner] / self.places))
 
     def _keep(self, kept: Flags) -> None:
         """Drop blocks."""

@@ -327,7 +327,7 @@ def _among(model: Model, diagnoses: Sequence[Diagnosis]) -> dict[str, float]:
     candidates differs from the same on another date.
     """
     named = [{c.id for c in d.causes} for d in diagnoses]
-    count = float(sum(e.ordinary for e in model.effects))
+    count = max(float(sum(e.ordinary for e in model.effects)), 1.0)
     return {i: 1.0 if all(i in own for own in named) else count for i in set.union(*named)}
 
 
