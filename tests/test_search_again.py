@@ -88,7 +88,7 @@ def test_a_joint_diagnosis_begins_at_places_that_its_measurements_found() -> Non
     found = {alone.model.effects[j].id: place for j, place in alone.further.items()}
     assert "warmup" in found
     model = model_of([x, y])
-    joint = {model.effects[j].id: place for j, place in model.places.items()}
+    joint = {model.effects[j].id: place for j, place in model.known_alone[1].items()}
     assert joint["positioning:warmup"]["tau_min"] == found["warmup"]["tau_min"]
     places = case_of(model).linearised.values[
         [e.id for e in model.effects].index("positioning:warmup")

@@ -19,12 +19,20 @@ def product_of_seen(rows: Floats, columns: Floats) -> Floats:
     """Return rows (m, n) times columns (n,) or (n, s), of which those all zero cost nothing."""
     if columns.ndim == 1:
         return np.asarray(rows @ columns)
-    seen = columns.any(axis=0)
+    seen = seen_of(columns)
     if seen.all():
         return np.asarray(rows @ columns)
     out = np.zeros((len(rows), columns.shape[1]))
     out[:, seen] = rows @ columns[:, seen]
     return out
+
+
+def seen_of(columns: Floats) -> Flags:
+    """Which columns, (n, ...), have any number but zeros: by their squares, the quickest sum.
+
+    Those that are smaller than 1e-160 are none.
+    """
+    return np.asarray(np.einsum("i...,i...->...", columns, columns) != 0.0)
 
 
 def where(some: Flags) -> slice | Integers:

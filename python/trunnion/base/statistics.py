@@ -21,6 +21,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 import trunnion._core as _core
+from trunnion.base.rows import seen_of
 from trunnion.base.threads import one_blas_thread
 from trunnion.base.units import Flags, Floats
 
@@ -182,7 +183,7 @@ def quick_factor(columns: Floats, values: Floats, mixed: Floats | None = None) -
     which they are taken again. ``mixed``: combinations (p, r) of the columns, which stand for them.
     """
     products = np.empty((columns.shape[1] + 1,) * 2)
-    products[:-1, :-1] = columns.T @ columns
+    products[:-1, :-1] = _products(columns)
     products[-1, :-1] = products[:-1, -1] = values @ columns
     products[-1, -1] = values @ values
     if not np.all(np.isfinite(products)):
@@ -201,6 +202,25 @@ def quick_factor(columns: Floats, values: Floats, mixed: Floats | None = None) -
         if np.linalg.eigvalsh(full)[0] > least:
             return np.asarray(np.linalg.cholesky(full).T * size)
     return np.asarray(_factor_again(columns, values, joined / scale, unit) * size)
+
+
+def _products(columns: Floats) -> Floats:
+    """Inner products of columns (n, p), (p, p): what is zero in some rows costs nothing there.
+
+    As those of one of several measurements below each other are in the rows of all others.
+    """
+    if len(columns) >= MANY_ROWS:
+        return np.asarray(columns.T @ columns)
+    out = np.zeros((columns.shape[1],) * 2)
+    for first in range(0, len(columns), QUICK_ROWS):
+        own = columns[first : first + QUICK_ROWS]
+        seen = seen_of(own)
+        if seen.all():
+            out += own.T @ own
+        else:
+            own = own[:, seen]
+            out[np.ix_(seen, seen)] += own.T @ own
+    return out
 
 
 def _with_one(mixed: Floats) -> Floats:

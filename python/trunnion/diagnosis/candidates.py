@@ -99,6 +99,8 @@ class Candidates:
         new._complete(basis, NAMING_LEVEL, own_level, None, among=among, sought=sought)
         return new
 
+    fitted: int  # in how many directions readings are fitted beside any candidate
+    curves: dict[int, float]  # lengths of what unit columns of candidates draw, if asked for
     penalty: Floats
     chance: Floats
     inflation: Floats
@@ -125,7 +127,7 @@ class Candidates:
         alone: Collection[int] = (),
     ) -> None:
         """Orthonormalise the columns of each block beside the basis; drop what is dependent."""
-        self.count = count
+        self.count, self.curves = count, dict[int, float]()
         n, p = basis.shape
         self.dof = n - p
         kind = storage(numbers)
@@ -136,6 +138,8 @@ class Candidates:
             # Linear candidates are few, and may differ by less than single precision resolves.
             one = all(j in alone for j, _ in batch)
             some = unit_blocks([v for _, v in batch], basis, np.float64 if one else kind, shelf)
+            curves = zip(batch, some[2], strict=True)
+            self.curves |= {j: curve for (j, _), curve in curves if curve is not None}
             owner += [np.full(len(v), j, dtype=np.intp) for j, v in batch]
             rank.append(some[0])
             start.append(some[1] + filled)
@@ -164,7 +168,7 @@ class Candidates:
         new.count += self.count
         new._known = (self, len(self._parts))
         new._multiplied = self._gram_rows, len(self._parts)
-        new._lengths = dict(self._lengths)
+        new.curves = dict(self.curves)
         none = np.zeros(self.count)
         own = self.level * (self.level != self._shared_level / max(self.multiplicity, 1))
         price = np.zeros(len(variants)) if own_price is None else own_price
@@ -217,7 +221,7 @@ class Candidates:
         moved = ((number.get(int(self.start[b])), rows) for b, rows in self._gram_rows.items())
         new._multiplied = {b: rows for b, rows in moved if b is not None}, len(self._parts)
         new._gram_rows, new._inner_products = {}, Among()  # blocks have other numbers
-        new._lengths = {j: length for j, length in self._lengths.items() if j not in further}
+        new.curves = {j: length for j, length in self.curves.items() if j not in further}
         new._price(None)
         new.ban(self._banned)
         return new
@@ -254,15 +258,13 @@ class Candidates:
         sought: Floats | None = None,
     ) -> None:
         """Group the blocks and price them."""
-        self._basis, self._shared_level = basis, level
+        self._basis, self.fitted, self._shared_level = basis, int(basis.shape[1]), level
         self._ends = list(itertools.accumulate(map(len, self._parts)))
         self.identifiable = np.unique(self.owner)
         self.not_identifiable = np.setdiff1d(np.arange(self.count), self.identifiable)
         self._gram_rows: dict[int, Floats] = {}
         first = None if self._known is None else self._known[0]
         self._inner_products = Among() if first is None else first._inner_products.copied()
-        if self._known is None:
-            self._lengths: dict[int, float] = {}
         self._group()
         own = np.zeros(self.count) if own_level is None else own_level
         shared = np.sum(own[self.identifiable] == 0) if multiplicity is None else multiplicity
@@ -300,30 +302,27 @@ class Candidates:
         part, some = self._place(block)
         return part[some]
 
-    def orthonormal(self, j: int, some: slice) -> tuple[Floats, Integers] | None:
-        """Columns of some variants of a candidate, one a row (M, n), and the rank of each (v,).
+    def orthonormal(self, j: int, some: slice) -> tuple[Floats, slice, Integers] | None:
+        """Return an array, which of its rows are columns of a candidate's variants, their ranks.
 
         None: they are not kept in double precision, or further places were added.
         """
         owner, rank, start = self._made
-        every = np.flatnonzero(owner == j)[some]
-        if not len(every):
+        if not len(every := np.flatnonzero(owner == j)[some]):
             return None
         blocks = every[rank[every] > 0]
         at = np.searchsorted(self._ends, start[blocks], side="right")
-        columns = [np.zeros((0, len(self._basis)))]
+        found: list[tuple[Floats, slice]] = []
         for i in np.unique(at).tolist():
             part, own = self._parts[i], blocks[at == i]
             if not isinstance(part, np.ndarray) or part.dtype != np.float64:
                 return None
-            before = self._ends[i] - len(part)
-            columns.append(part[start[own[0]] - before : start[own[-1]] + rank[own[-1]] - before])
-        return np.concatenate(columns) if len(columns) != 2 else columns[1], rank[every]
-
-    @property
-    def fitted(self) -> int:
-        """In how many directions the readings are fitted beside any candidate."""
-        return int(self._basis.shape[1])
+            first = int(start[own[0]]) - self._ends[i] + len(part)
+            found.append((part, slice(first, first + int(rank[own].sum()))))
+        if len(found) != 1:
+            array = np.concatenate([np.zeros((0, len(self._basis))), *(x[own] for x, own in found)])
+            found = [(array, slice(len(array)))]
+        return *found[0], rank[every]
 
     def makes_any(self, polynomials: Floats, basis: Floats) -> bool:
         """Whether one candidate is any smooth function of a quantity: a curve along an axis, say.
@@ -451,9 +450,9 @@ class Candidates:
             blocks = np.flatnonzero(self.owner == j)
             if len(blocks) < 2:
                 continue
-            if j not in self._lengths:
-                self._lengths[j] = float(np.sum(np.arccos(np.minimum(self._overlaps(blocks), 1.0))))
-            length, u = self._lengths[j], special.chdtri(1, self.level[j])
+            if j not in self.curves:
+                self.curves[j] = float(np.sum(np.arccos(np.minimum(self._overlaps(blocks), 1.0))))
+            length, u = self.curves[j], special.chdtri(1, self.level[j])
             out[blocks] = min(float(len(blocks)), 1.0 + length / np.pi * np.sqrt(np.pi * u / 2))
         return out
 

@@ -29,7 +29,6 @@ from trunnion.diagnosis.dependence import growth as growth_by_dependence
 from trunnion.diagnosis.dependence import growth_apart
 from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.fit import Fit, Flags, fit
-from trunnion.diagnosis.likely_terms import terms_one_by_one
 from trunnion.diagnosis.linearised import Linearised
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.noise import Whitener
@@ -38,7 +37,7 @@ from trunnion.diagnosis.records import rms
 from trunnion.diagnosis.scan import Dictionary
 from trunnion.diagnosis.steps import weights_of
 from trunnion.diagnosis.term import Term
-from trunnion.diagnosis.whitening import Scaling, Whiten, Whiteners, correlated, identity
+from trunnion.diagnosis.whitening import Scaling, Whiten, correlated, identity
 
 if TYPE_CHECKING:
     from trunnion.diagnosis.structure import WithTerm
@@ -47,6 +46,7 @@ EXACT = 1e-12  # of the largest reading: rounding
 SINGULAR = 1e-8  # of a correlation matrix of estimates
 DOUBTFUL_P = 1e-3  # from which on it is seen what others leave without an effect
 CERTAIN_P = 1e-9  # below which an effect is there without doubt, however many were tried
+KEPT_FITS = 3  # of which white derivatives are kept
 TINY = 1e-300
 
 
@@ -226,43 +226,20 @@ class Case:
         return [some for i in filters if len(some := self._of_filters[i])]
 
     def growth(self, f: Fit, variance: float) -> Floats:
-        """How many times their standard errors errors are.
+        """How many times their standard errors errors of a fit's parameters are, (p + k,).
 
-        By rounding (:func:`.resolution.growth`); by dependence of the residuals
-        (:mod:`.dependence`); where more than noise is left of one of several measurements.
-        ``variance``: of a white reading. Of the parameters of a fit, shape (p + k,).
+        By rounding (:func:`.resolution.growth`), dependence of the residuals (:mod:`.dependence`),
+        or what one of several measurements leaves. ``variance``: of a white reading.
         """
         if self.dependent:
             return growth_by_dependence(
-                self.white(f.jacobian), f.white, f.covariance, variance, self.segments
+                self.white_jacobian(f), f.white, f.covariance, variance, self.segments
             )
-        apart = self._growth_apart(f, variance)
+        apart = growth_apart(self, f, variance)
         variances = np.diag(f.covariance) * variance * apart**2
-        anywhere = self.errors_of_rounding(f, spread=ANY_PLACE)
-        if anywhere is None:
+        if (anywhere := self.errors_of_rounding(f, spread=ANY_PLACE)) is None:
             return apart
-        return apart * growth(f.covariance @ (self.white(f.jacobian).T @ anywhere), variances)
-
-    def _growth_apart(self, f: Fit, variance: float) -> Floats:
-        """The same, of measurements of which one has structure without a name (p + k,)."""
-        apart = self.whiten.apart if isinstance(self.whiten, Whiteners) else ()
-        if not apart or variance <= 0:
-            return np.ones(len(f.covariance))
-        others = np.ones(len(self.model.readings), dtype=bool)
-        for at in apart:
-            others[at] = False
-        place = np.arange(len(others))
-        groups = [g for g in (*(place[at] for at in apart), place[others]) if len(g)]
-        groups = [np.flatnonzero(np.isin(self.rows, g)) for g in groups]
-        # structure competes with the causes only after these: what it explains is no noise of them
-        d = self.dictionary.within(apart)
-        _, left, basis = terms_one_by_one(d, f.white, f.basis, self.floor, len(apart))
-        taken, least = np.sum(basis**2, axis=1), self.floor.variance
-        share = [
-            max(float(left[g] @ left[g]) / max(len(g) - taken[g].sum(), 1.0), least) for g in groups
-        ]
-        white = self.white(f.jacobian)
-        return growth_apart(white, f.covariance, np.array(share) / variance, groups)
+        return apart * growth(f.covariance @ (self.white_jacobian(f).T @ anywhere), variances)
 
     @cached_property
     def _drawn_anywhere(self) -> Floats | None:
@@ -362,7 +339,7 @@ class Case:
         """Covariance of a fit's parameters; ``wide``: as rounding anywhere makes it."""
         covariance = f.covariance * float(self.floor.noise(f.rss, f.dof))
         if wide and (drawn := self._drawn_anywhere) is not None:
-            off = f.covariance @ (self.white(f.jacobian).T @ drawn)
+            off = f.covariance @ (self.white_jacobian(f).T @ drawn)
             covariance = grown(covariance, off)
         return covariance
 
@@ -427,6 +404,30 @@ class Case:
     def dictionary_as_read(self) -> Dictionary:
         """Structure without a name, not whitened."""
         return Dictionary(self.model, self.rows)
+
+    def white_jacobian(self, f: Fit) -> Floats:
+        """White derivative of a fit by its parameters (n, p + k): of few readings kept for some."""
+        if len(self.rows) >= MANY_ROWS:
+            return self.white(f.jacobian)
+        if f not in self._jacobians:
+            for oldest in [*self._jacobians][: 1 - KEPT_FITS]:
+                del self._jacobians[oldest]
+            self._jacobians[f] = self.white(f.jacobian)
+        return self._jacobians[f]
+
+    def in_basis(self, f: Fit) -> Floats:
+        """Return it in the basis of the fit, (q, p + k): kept."""
+        if f not in self._in_basis:
+            self._in_basis[f] = np.asarray(f.basis.T @ self.white_jacobian(f))
+        return self._in_basis[f]
+
+    @cached_property
+    def _jacobians(self) -> dict[Fit, Floats]:
+        return {}
+
+    @cached_property
+    def _in_basis(self) -> dict[Fit, Floats]:
+        return {}
 
     def white(self, columns: Floats) -> Floats:
         """Whiten columns (n, ...) of all readings and take those that are used."""

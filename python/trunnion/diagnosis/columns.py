@@ -285,7 +285,7 @@ def batches(pieces: Iterable[Piece], apart: Collection[int] = ()) -> Iterator[li
             batch, numbers = [], 0
         batch.append(piece)
         kind = own
-        numbers += columns.size
+        numbers += 0 if isinstance(some, Orthonormal) else columns.size  # which is there already
         if numbers >= batch_numbers(columns.shape[1]):
             yield batch
             batch, numbers = [], 0
@@ -303,25 +303,30 @@ def unit_blocks(
     basis: Floats,
     kind: type[np.float32 | np.float64],
     shelf: Shelf,
-) -> tuple[Integers, Integers]:
-    """Put orthonormal columns of each block beside the basis on a shelf; their rank and start."""
-    first = variants[0]
+) -> tuple[Integers, Integers, list[float | None]]:
+    """Put orthonormal columns of each block beside the basis on a shelf; their rank and start.
+
+    Last, of each of the ``variants`` the length of the curve that they draw, where it is known.
+    """
+    first, unknown = variants[0], list[float | None]([None] * len(variants))
     if isinstance(first, Orthonormal):
         made = [v for v in variants if isinstance(v, Orthonormal)]
         if not first.holds(basis):
             return unit_blocks([v.whole() for v in made], basis, kind, shelf)
-        joined, rank = Orthonormal.joined(made, basis)
-        shelf.add(joined)
-        return rank, np.concatenate([[0], np.cumsum(rank)[:-1]]).astype(np.intp)
+        for run in Orthonormal.joined(made, basis):
+            shelf.add(run)
+        rank = np.concatenate([v.rank for v in made])
+        start = np.concatenate([[0], np.cumsum(rank)[:-1]]).astype(np.intp)
+        return rank, start, [v.curve for v in made]
     if isinstance(first, OfSome):
         own = [v.own.transpose(0, 2, 1) for v in variants if isinstance(v, OfSome)]
-        return _orthonormal_blocks(own, basis, kind, shelf, first.at)
+        return *_orthonormal_blocks(own, basis, kind, shelf, first.at), unknown
     if not isinstance(first, np.ndarray):
         part, rank, start = first.orthonormal(basis, kind)
         shelf.add(part)
-        return rank, start
+        return rank, start, unknown
     arrays = [v.transpose(0, 2, 1) for v in variants if isinstance(v, np.ndarray)]
-    return _orthonormal_blocks(arrays, basis, kind, shelf)
+    return *_orthonormal_blocks(arrays, basis, kind, shelf), unknown
 
 
 def _orthonormal_blocks(

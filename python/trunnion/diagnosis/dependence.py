@@ -7,11 +7,20 @@ such readings is their long-run variance, which counts n dependent readings as n
 independent ones; and standard errors come from the long-run covariance of the scores.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from trunnion.base.units import Floats, Integers
+from trunnion.diagnosis.likely_terms import terms_one_by_one
+from trunnion.diagnosis.whitening import Whiteners
+
+if TYPE_CHECKING:
+    from trunnion.diagnosis.case import Case
+    from trunnion.diagnosis.fit import Fit
 
 BLOCK = 24  # readings, in which the size of innovations is taken
 DISTURBED = 3  # blocks that have to be far larger than the middle one: a jump disturbs two
@@ -89,17 +98,32 @@ def growth(
     return np.asarray(np.sqrt(np.where(usual > 0, sandwich / np.where(usual > 0, usual, 1.0), 1.0)))
 
 
-def growth_apart(
-    jacobian: Floats, covariance: Floats, share: Floats, groups: Sequence[Integers]
-) -> Floats:
-    """How many times larger standard errors are where groups of readings have other variances.
+def growth_apart(case: Case, f: Fit, variance: float) -> Floats:
+    """How many times larger standard errors are where one measurement has structure, (p + k,).
 
-    ``jacobian`` (n, p), whitened; ``covariance``: of the parameters per unit of noise; ``share``:
-    variance of each group, of that of a reading.
+    Structure without a name, of several measurements: of each what is left has its own variance,
+    and the noise of the others is no larger for it. ``variance``: of a white reading.
     """
-    moved = np.stack([np.sum((jacobian[g] @ covariance) ** 2, axis=0) for g in groups])
+    apart = case.whiten.apart if isinstance(case.whiten, Whiteners) else ()
+    if not apart or variance <= 0:
+        return np.ones(len(f.covariance))
+    others = np.ones(len(case.model.readings), dtype=bool)
+    for at in apart:
+        others[at] = False
+    place = np.arange(len(others))
+    groups = [g for g in (*(place[at] for at in apart), place[others]) if len(g)]
+    groups = [np.flatnonzero(np.isin(case.rows, g)) for g in groups]
+    # structure competes with the causes only after these: what it explains is no noise of them
+    d = case.dictionary.within(apart)
+    _, left, basis = terms_one_by_one(d, f.white, f.basis, case.floor, len(apart))
+    taken, least = np.sum(basis**2, axis=1), case.floor.variance
+    share = np.array(
+        [max(float(left[g] @ left[g]) / max(len(g) - taken[g].sum(), 1.0), least) for g in groups]
+    )
+    white = case.white_jacobian(f)
+    moved = np.stack([np.sum((white[g] @ f.covariance) ** 2, axis=0) for g in groups])
     usual = np.sum(moved, axis=0)
-    own = share @ moved
+    own = (share / variance) @ moved
     return np.asarray(np.sqrt(np.where(usual > 0, own / np.where(usual > 0, usual, 1.0), 1.0)))
 
 

@@ -127,7 +127,7 @@ class _Sets:
         plain, self.f = case.plain, f
         self.directions, self.effects = plain.directions, {e.id: e for e in case.effects}
         self.at: dict[tuple[str, tuple[float, ...]], slice] = {}
-        blocks = [case.white(plain.jacobian) @ plain.directions.T]
+        blocks = [case.white_jacobian(plain) @ plain.directions.T]
         width = blocks[0].shape[1]
         for name, start in (item for s in sets for item in s.start.items()):
             key = (name, tuple(start.values()))

@@ -145,7 +145,7 @@ def fit(
     to the same rows with the same weights.
     """
     problem = _Problem(model, rows, effects, whiten, judged)
-    at = _Point(start.copy(), {k: Values(v) for k, v in values.items()})
+    at = _Point(problem.begun(start), {k: Values(v) for k, v in values.items()})
     if not all(e.linear for e in effects):
         _zoom(problem, at)
         problem.judge(at)
@@ -282,6 +282,13 @@ class _Problem:
         self.directions = np.eye(rank + len(self.index), p + len(self.index), p - rank)
         self.directions[:rank, :p] = self.judged.directions
         self.every = np.array_equal(self.directions, np.eye(len(self.directions)))
+
+    def begun(self, start: Array) -> Array:
+        """Values to start from: what the readings do not identify is as at the model's start."""
+        directions, first = self.judged.directions, self.model.start
+        if len(directions) == len(start):
+            return start.copy()
+        return np.asarray(first + ((start - first) @ directions.T) @ directions)
 
     def judge(self, at: _Point) -> None:
         """Let effects that are not linear move as the readings identify them at the model's start.

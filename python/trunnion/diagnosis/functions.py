@@ -17,13 +17,15 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from trunnion._core import gains_of_blocks, sums_by_value
+from trunnion.base.rows import seen_of
 from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.columns import AT_HAND, AT_ONCE, BATCH_NUMBERS, MIN_ROWS
 from trunnion.diagnosis.whitening import Whiten, identity, sizes_of
 
 DEPENDENT = 1e-4  # of a squared unit column, what the fit and the term's other columns leave
-SPANNED = 1e-9  # length of what is left of a column: it is made of others
+SPANNED = 1e-9  # of the length of a column, that is left of it: it is made of others
+ALL = slice(None)
 MAX_DIRECTIONS = 128  # with which products are kept, of many readings
 
 
@@ -47,9 +49,9 @@ class Jumps:
             return None
         return cls(np.searchsorted(values, places), len(values))
 
-    def made(self) -> Floats:
-        """Return these functions, (m, n)."""
-        return (np.arange(self.count) >= self.first[:, None]).astype(float)
+    def made(self, some: Integers | slice = ALL) -> Floats:
+        """Return some of these functions, (m, n)."""
+        return (np.arange(self.count) >= self.first[some, None]).astype(float)
 
     def add(self, values: Floats, begun: int, between: Floats) -> None:
         """Add values of readings from one on, (r, s), to the sums between jumps, (m + 1, s)."""
@@ -87,12 +89,13 @@ class Functions:
     def __len__(self) -> int:
         return len(self.values)
 
-    def made(self) -> Floats:
-        """Return these functions at each reading, (r, n)."""
+    def made(self, some: Integers | slice = ALL) -> Floats:
+        """Return some of these functions at each reading, (r, n)."""
+        values = self.values[some]
         if self.places is None:
-            return self.values
-        beside = np.zeros((len(self.values), 1))  # of readings without a value
-        return np.concatenate([self.values, beside], axis=1)[:, self.places.at]
+            return values
+        beside = np.zeros((len(values), 1))  # of readings without a value
+        return np.concatenate([values, beside], axis=1)[:, self.places.at]
 
 
 class Made(NamedTuple):
@@ -236,6 +239,7 @@ class Part:
             rows, numbers, inner = zip(*found, strict=True)
             joined = np.concatenate(rows), np.concatenate(numbers), np.concatenate(inner, axis=1)
             self.wide = [*self.wide, Wide.of(*joined, least)]
+        self._along = [np.zeros((len(x.gram), 0)) for x in self.wide]
 
     def store(self, kind: type[np.float32 | np.float64]) -> None:
         """Keep the functions in this precision."""
@@ -262,47 +266,41 @@ class Part:
         own = dict(zip(some, starmap(slice, ends), strict=True))
         return np.array([np.where(x.at < 0, -1, x.at + of.start) for x, of in own.items()]), own
 
-    def beside(self, basis: Floats, r: Floats) -> tuple[list[Floats], list[Floats]]:
-        """:meth:`products` with a basis of what is fitted (n, q), and with r (n, s).
+    def products(self, columns: Floats) -> list[Floats]:
+        """Inner products of the columns of the terms of each width with columns (n, s), (m c k, s).
 
-        What is fitted is much the same each time: only what is new of it is multiplied.
+        Columns are made of much the same each time: only what is new of them is multiplied. What is
+        another measurement's own is zero here, and costs nothing.
         """
-        own, directions = basis[self.some], self._directions
-        known = list(self._along) or [np.zeros((len(x.gram), 0)) for x in self.wide]
-        new = _new(own, directions)
-        if directions.shape[1] + new.shape[1] > max(MAX_DIRECTIONS, new.shape[1]):
-            directions, known = directions[:, :0], [x[:, :0] for x in known]
-            new = _new(own, directions)
-        made = self._of_some(np.concatenate([new, r[self.some]], axis=1))
-        count = new.shape[1]
-        self._directions = np.concatenate([directions, new], axis=1)
-        self._along = [
-            np.concatenate([x, of_new[:, :count]], axis=1)
-            for x, of_new in zip(known, made, strict=True)
-        ]
-        share = self._directions.T @ own
-        return [x @ share for x in self._along], [x[:, count:] for x in made]
-
-    def products(self, r: Floats) -> list[Floats]:
-        """Inner products of the columns of the terms of each width with r (n, s), (m c k, s).
-
-        What is another measurement's own is zero here, and costs nothing.
-        """
-        return self._of_some(r[self.some])
-
-    def _of_some(self, own: Floats) -> list[Floats]:
-        """Return :meth:`products` with columns of its readings."""
-        seen = own.any(axis=0)
-        if seen.any() and seen.all():
-            return self._products(own)
+        own = columns[self.some]
+        seen = seen_of(own)
         found = [np.zeros((len(x.gram), own.shape[1])) for x in self.wide]
         if seen.any():
-            for out, products in zip(found, self._products(own[:, seen]), strict=True):
-                out[:, seen] = products
+            share = self._share(own[:, seen])
+            for out, of_directions in zip(found, self._along, strict=True):
+                out[:, seen] = of_directions @ share
         return found
 
+    def _share(self, own: Floats) -> Floats:
+        """Inner products of the directions with columns of these readings (n, s), (d, s).
+
+        The directions are those that are known, and what is new of these columns.
+        """
+        share = self._directions.T @ own
+        new = _new(own, own - self._directions @ share, self._directions)
+        if not new.shape[1]:
+            return share
+        if len(share) and len(share) + new.shape[1] > MAX_DIRECTIONS:
+            self._directions = self._directions[:, :0]
+            self._along = [x[:, :0] for x in self._along]
+            return self._share(own)
+        both = zip(self._along, self._products(new), strict=True)
+        self._along = [np.concatenate(x, axis=1) for x in both]
+        self._directions = np.concatenate([self._directions, new], axis=1)
+        return np.concatenate([share, new.T @ own])
+
     def _products(self, own: Floats) -> list[Floats]:
-        """Return the same of columns of these readings, (n, s)."""
+        """Return the same of columns of these readings, (n, s), one function after the other."""
         c, s = len(self.components), own.shape[1]
         sums = np.zeros((self._first[-1], c * s))
         kept = [(x, sums[a:b]) for x, (a, b) in zip(self._kept, pairwise(self._first), strict=True)]
@@ -342,7 +340,7 @@ class Part:
             for number in np.flatnonzero(x.numbers == term).tolist():
                 f, c = divmod(number, len(self.components))
                 every = int(np.searchsorted(self._first, x.rows[f, 0], side="right")) - 1
-                own = self._kept[every].made()[x.rows[f] - self._first[every]]
+                own = self._kept[every].made(x.rows[f] - self._first[every])
                 columns = own.astype(np.float64, copy=False) * self.components[c]
                 return np.asarray((columns * x.scale[f, c][:, None]).T)
         return None
@@ -364,10 +362,14 @@ def _white(
     return Functions(white)
 
 
-def _new(columns: Floats, directions: Floats) -> Floats:
-    """Directions of what orthonormal ones leave of columns: to rounding, twice is enough."""
-    for _ in range(2 if directions.shape[1] else 0):
-        columns = columns - directions @ (directions.T @ columns)
-    seen = np.linalg.norm(columns, axis=0) > SPANNED
-    ways, size, _ = np.linalg.svd(columns[:, seen], full_matrices=False)
+def _new(columns: Floats, left: Floats, directions: Floats) -> Floats:
+    """Directions of what orthonormal ones leave of columns: to rounding, twice is enough.
+
+    left: What they leave of them, (n, s), once.
+    """
+    size = np.linalg.norm(columns, axis=0)
+    new = np.linalg.norm(left, axis=0) > SPANNED * size
+    left = left[:, new] / size[new]
+    left = left - directions @ (directions.T @ left)
+    ways, size, _ = np.linalg.svd(left, full_matrices=False)
     return np.asarray(ways[:, size > SPANNED])

@@ -268,9 +268,9 @@ class Model:
         return None
 
     @property
-    def places(self) -> Mapping[int, Values]:
-        """Places of candidates beside those of their grids, by the candidate's number: none."""
-        return {}
+    def known_alone(self) -> tuple[Floats, Mapping[int, Values]]:
+        """Values (p,) to begin a plain fit with; places of candidates beside grids, by number."""
+        return self.start, {}
 
     def dictionary(self, whiten: Whiten) -> Dictionary | None:  # noqa: ARG002
         """Structure without a name in all readings, where it is known; None: it is to be made."""

@@ -125,7 +125,7 @@ def _beside(case: Case, f: Fit, own: list[int], y: Floats) -> tuple[Floats | Spa
     """Orthonormal basis of all columns of a fit but some, and what it leaves of y."""
     if len(y) < MANY_ROWS:
         return _beside_few(case, f, own, y)
-    every = case.white(f.jacobian)
+    every = case.white_jacobian(f)
     hold = np.zeros(every.shape[1], dtype=bool)
     hold[own] = True
     found = spanned(every, y, hold)
@@ -134,8 +134,7 @@ def _beside(case: Case, f: Fit, own: list[int], y: Floats) -> tuple[Floats | Spa
 
 def _beside_few(case: Case, f: Fit, own: list[int], y: Floats) -> tuple[Floats, Floats]:
     """Return the same of few rows: all that is fitted is in the basis of the fit."""
-    others = f.basis.T @ case.white(np.delete(f.jacobian, own, axis=1))
-    basis = f.basis @ basis_of_all(others)
+    basis = f.basis @ basis_of_all(np.delete(case.in_basis(f), own, axis=1))
     return basis, y - basis @ (basis.T @ y)
 
 

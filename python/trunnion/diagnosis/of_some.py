@@ -53,20 +53,28 @@ class Orthonormal:
 
     Nothing of that is fitted in other readings, too: beside what is fitted in all they stay so.
 
-    own: One a row, of all variants (M, m). rank: How many are of each (v,). at: The readings.
-    fitted: In how many directions these are fitted. whole: Makes the columns of the variants as
-    they were.
+    array, some: Holds them, one a row (M, m); which of its rows they are. rank: How many are of
+    each variant (v,). at: The readings. fitted: In how many directions these are fitted. whole:
+    Makes the columns of the variants as they were. curve: Length of what the unit columns of all
+    variants draw; None: these are not all, or it is not known.
     """
 
-    own: Floats
+    array: Floats
+    some: slice
     rank: Integers
     at: slice
     fitted: int
     whole: Callable[[], OfSome]
+    curve: float | None = None
 
     def __len__(self) -> int:
         """Count of the variants."""
         return len(self.rank)
+
+    @property
+    def own(self) -> Floats:
+        """The columns, (M, m)."""
+        return self.array[self.some]
 
     def rows(self, some: Integers | slice) -> "Orthonormal | OfSome":
         """Return columns of some of the rows, in order: those of all are orthonormal."""
@@ -77,10 +85,19 @@ class Orthonormal:
         return abs(float(np.sum(basis[self.at] ** 2)) - self.fitted) < ROUNDING
 
     @staticmethod
-    def joined(made: "list[Orthonormal]", basis: Floats) -> "tuple[Beside, Integers]":
-        """Return the columns of several, of the same readings, and the rank of each block."""
-        own, rank = (np.concatenate(x) for x in zip(*((m.own, m.rank) for m in made), strict=True))
-        return Beside(own, made[0].at, basis), rank
+    def joined(made: "list[Orthonormal]", basis: Floats) -> "list[Beside]":
+        """Return the columns of several, of the same readings: no copies.
+
+        Those that follow each other in an array are one.
+        """
+        runs: list[tuple[Floats, slice]] = []
+        for m in made:
+            last = runs[-1] if runs else None
+            if last is not None and last[0] is m.array and last[1].stop == m.some.start:
+                runs[-1] = m.array, slice(last[1].start, m.some.stop)
+            else:
+                runs.append((m.array, m.some))
+        return [Beside(array[some], made[0].at, basis) for array, some in runs]
 
 
 @dataclass(frozen=True, eq=False)

@@ -84,15 +84,14 @@ def left_open(
     d = before.dictionary
     further = terms_one_by_one(d, f.white, f.basis, kept.floor, MAX_FURTHER)[0]
     others = [FormulaEffect.of_term(d.term(number), kept.model) for number, _ in further]
-    absorbed = f.covariance @ kept.white(f.jacobian).T
     if source is None:
         stated = FormulaEffect.of_term(e.terms[0][0], kept.model)
-        first, moved = _Term(kept, f, stated, variance, absorbed), none
+        first, moved = _Term(kept, f, stated, variance), none
     else:
         off = _may_be_off(e.fit if e.sets else kept.plain, f)
-        first = _Term(kept, f, source, variance, absorbed, f.effects[source.id])
+        first = _Term(kept, f, source, variance, f.effects[source.id])
         moved = np.outer(off, off)
-    terms = [first, *(_Term(kept, f, term, variance, absorbed) for term in others)]
+    terms = [first, *(_Term(kept, f, term, variance) for term in others)]
     every = moved + np.sum([x.left_open for x in terms], axis=0)
     constant = first.left_open if source is None else first.constant
     return LeftOpen(every + known, constant + known, places, supposed)
@@ -106,27 +105,29 @@ def _by_places(kept: Case, f: Fit) -> Floats:
 
 def _supposed(kept: Case, f: Fit, variance: float) -> dict[str, Floats]:
     """Mean squares that what may act and is no candidate leaves open, each (p + k, p + k)."""
-    absorbed = f.covariance @ kept.white(f.jacobian).T
     return {
-        said: _unseen(kept, f, columns, 1.0, variance, absorbed)
+        said: _unseen(kept, f, columns, 1.0, variance)
         for said, columns in kept.model.supposed(f.effects).items()
         if columns.shape[1] and variance > 0
     }
 
 
-def _unseen(
-    kept: Case, f: Fit, line: Floats, largest: float, variance: float, absorbed: Floats
-) -> Floats:
+def _moved(kept: Case, f: Fit, line: Floats) -> Floats:
+    """By how much white columns (n, ...) that are not fitted move each parameter, (p + k, ...)."""
+    return np.asarray(f.covariance @ (kept.white_jacobian(f).T @ line))
+
+
+def _unseen(kept: Case, f: Fit, line: Floats, largest: float, variance: float) -> Floats:
     """Mean squares by columns (n, k), of sizes of about ``largest``, as far as none is seen.
 
-    ``variance``: of a white reading; ``absorbed``: by how much one moves each parameter.
+    ``variance``: of a white reading.
     """
     line = kept.white(line)
     seen = line - f.basis @ (f.basis.T @ line)
     scale = max(variance, TINY)
     free = np.linalg.inv(seen.T @ seen / scale + np.eye(line.shape[1]) / max(largest, TINY) ** 2)
     mean = free @ (seen.T @ f.white) / scale
-    off = absorbed @ line
+    off = _moved(kept, f, line)
     return np.asarray(off @ (free + np.outer(mean, mean)) @ off.T)
 
 
@@ -286,8 +287,6 @@ class _Term:
     ----------
     variance:
         Of a white reading.
-    absorbed:
-        By how much a white reading moves each parameter, (p + k, n).
     fitted:
         The values of the formula, if it is in the fit.
     """
@@ -296,7 +295,6 @@ class _Term:
     f: Fit
     source: FormulaEffect
     variance: float
-    absorbed: Floats
     fitted: NamedValues | None = None
 
     @property
@@ -332,7 +330,7 @@ class _Term:
         white = kept.white(columns)
         left = white - f.basis @ (f.basis.T @ white)
         size = np.linalg.lstsq(left, f.white, rcond=float(np.sqrt(DEPENDENT)))[0]
-        return columns, np.asarray(size), np.asarray(self.absorbed @ (white @ size))
+        return columns, np.asarray(size), _moved(kept, f, white @ size)
 
     def _of(self, line: Floats) -> Floats:
         """What a line (n, k) of sizes up to the largest that is seen leaves open."""
@@ -340,7 +338,7 @@ class _Term:
         columns, size, _ = self._made
         used = kept.rows[np.abs(weight[kept.rows]) > np.abs(weight).max() / 2]
         largest = float(np.max(np.abs((columns @ size)[used] / weight[used]), initial=0.0))
-        return _unseen(kept, f, line, largest, self.variance, self.absorbed)
+        return _unseen(kept, f, line, largest, self.variance)
 
 
 def _line(source: FormulaEffect, model: Model, weight: Floats) -> Floats:

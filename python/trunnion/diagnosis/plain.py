@@ -50,16 +50,16 @@ def case_of(model: Model, *, dependent: bool = False) -> Case:
 
 def whitened(model: Model, plain: Fit | None, grid: Grid | None, whiten: Whiten) -> Case:
     """Case of all readings; ``plain``: a fit of readings as they are to start from, if there is."""
-    rows = np.arange(len(model.readings))
+    rows, (known, places) = np.arange(len(model.readings)), model.known_alone
     if plain is None or whiten is not identity:
-        start = model.start if plain is None else plain.nuisance
+        start = known if plain is None else plain.nuisance
         plain = fit(model, rows, (), np.asarray(start, dtype=np.float64), {}, whiten)
     floor = _floor(model, grid, whiten)
     dependent = isinstance(whiten, Whitener) and whiten.dependent
     if dependent or (isinstance(whiten, Whiteners) and whiten.known):
         # Whitened readings have a variance of 1; dependent ones count as fewer than they are.
         floor = Floor(max(floor.variance, 1.0))
-    linearised = Linearised(model, plain.nuisance, whiten, model.places)
+    linearised = Linearised(model, plain.nuisance, whiten, places)
     return Case(model, rows, whiten, plain, linearised, floor, grid)
 
 

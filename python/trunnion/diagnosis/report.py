@@ -331,7 +331,7 @@ def _absorbed(
         (placement, PLACED_ONLY),
         ({name: SEEN for name, s in machine.items() if np.isinf(s)}, LEFT_OPEN),
     )
-    along = (plain.basis.T @ case.white(plain.jacobian)) @ plain.directions.T
+    along = case.in_basis(plain) @ plain.directions.T
     rank = dict.fromkeys(map(int, candidates.not_identifiable), 0)
     largest = np.zeros(candidates.count, dtype=np.intp)  # of the blocks of each leader
     np.maximum.at(largest, candidates.owner, candidates.rank)
@@ -434,9 +434,9 @@ def _uncertainty(
     rounding = sigma * float(np.sqrt(min(case.floor.variance / max(variance, TINY), 1.0)))
     own, unit = doubt.covariance - doubt.between, units_of(case.model.readings)[0]
     sources = list(of_readings(own, sigma, unit[0] if len(unit) == 1 else "", rounding, f.dof))
-    gain = f.covariance @ case.white(f.jacobian).T
-    inputs = case.model.inputs(f.nuisance, f.effects)
-    sources += [one.source(gain @ case.white(one.columns)) for one in inputs]
+    inputs, white = case.model.inputs(f.nuisance, f.effects), case.white_jacobian(f)
+    moved = (f.covariance @ (white.T @ case.white(one.columns)) for one in inputs)
+    sources += [one.source(own) for one, own in zip(inputs, moved, strict=True)]
     if np.any(doubt.between):
         sources.append(Source(MODEL, 1.0, "", root(doubt.between)))
     if np.any(shape):

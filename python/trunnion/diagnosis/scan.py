@@ -15,6 +15,7 @@ from typing import cast
 import numpy as np
 from scipy import special
 
+from trunnion.base.rows import seen_of
 from trunnion.base.statistics import MANY_ROWS, Spanned
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.columns import ROUNDING, storage
@@ -31,7 +32,7 @@ from trunnion.diagnosis.smooth import over_range
 from trunnion.diagnosis.term import Place, Term
 from trunnion.diagnosis.waves import WAVES_BETWEEN, waves
 from trunnion.diagnosis.ways import is_angle
-from trunnion.diagnosis.whitening import Scaling, Whiten, identity, sizes_of
+from trunnion.diagnosis.whitening import Scaling, Whiten, identity, sizes_of, within
 
 AMONG_PLACES = np.linspace(-0.25, 0.25, 17)  # waves: finer, beside a cause of many columns
 SCAN_LEVEL = 0.01
@@ -68,7 +69,7 @@ class Dictionary:
     whiten: Applied to the columns, which have unit length afterwards.
     known: Dictionary with other weights, whose functions serve again where they are the same.
 
-    quantities: What each covariate says, of few readings of one measurement; else None.
+    quantities: What each covariate says, of few readings of each measurement; else None.
     count: Of the terms. Those in all components at once are numbered after them: what disturbs a
         machine rarely does so along one axis.
     """
@@ -112,6 +113,7 @@ class Dictionary:
         new = object.__new__(cls)
         new._begin(model, np.arange(len(model.readings)), whiten)
         first = 0  # of the covariates of a part
+        every = list[Said]()
         for at, own in parts:
             place = {v.name: i for i, v in enumerate(own._covariates, start=first)}
             first += len(own._covariates)
@@ -121,6 +123,11 @@ class Dictionary:
             new._parts += [part.among(new.count, at.start) for part in own._parts]
             new._hidden = np.concatenate([new._hidden, new.count + own._hidden])
             new.count += own.count
+            for x in own.quantities or ():
+                some = slice(at.start + x.some.start, at.start + x.some.stop)
+                v = new._covariates[place[x.covariate.name]]
+                every.append(x._replace(covariate=v, some=some))
+        new.quantities = every if all(own.quantities is not None for _, own in parts) else None
         return new
 
     def within(self, readings: Sequence[slice]) -> "Dictionary":
@@ -270,14 +277,17 @@ class Dictionary:
         count = several.shape[1] if sums is None else sums.shape[1]
         gain = np.zeros((self.count, count))
         rank = np.zeros(self.count, dtype=np.intp)
-        if self._beside is None or self._beside[0] is not basis:
-            both = [part.beside(basis, several) for part in self._parts]
-            self._beside = (basis, [taken for taken, _ in both])
-            along = [own for _, own in both]
-        else:
-            along = [part.products(several) for part in self._parts]
-        for part, taken, products in zip(self._parts, self._beside[1], along, strict=True):
-            for x, t, z in zip(part.wide, taken, products, strict=True):
+        fresh = self._beside is None or self._beside[0] is not basis
+        both = np.concatenate([basis, several], axis=1) if fresh else several
+        products = [part.products(both) for part in self._parts]
+        if self._beside is None or fresh:
+            width = basis.shape[1]
+            acting = [np.flatnonzero(seen_of(basis[part.some])) for part in self._parts]
+            own_of = zip(products, acting, strict=True)
+            self._beside = basis, [[x[:, some] for x in own] for own, some in own_of]
+            products = [[x[:, width:] for x in own] for own in products]
+        for part, taken, along in zip(self._parts, self._beside[1], products, strict=True):
+            for x, t, z in zip(part.wide, taken, along, strict=True):
                 own = z if sums is None else z @ sums
                 gain[x.numbers], rank[x.numbers] = x.gains(t, own)
         gain[self._hidden], rank[self._hidden] = 0.0, 0
@@ -381,12 +391,14 @@ class Dictionary:
             columns = columns * np.asarray(self._model.components[of.component])[rows]
         if along.known is not None:
             columns = columns * along.known[rows]
-        if self._sizes is None or np.any(np.isnan(self._sizes[rows])):
+        if self._sizes is not None and not np.any(np.isnan(self._sizes[rows])):
+            white = columns / self._sizes[rows]
+        elif (own := within(self._whiten, rows)) is not None:
+            white = np.asarray(own(columns.transpose(2, 0, 1))).transpose(1, 2, 0)
+        else:
             every = np.zeros((len(self._model.readings), *columns.shape[:2]))
             every[rows] = columns.transpose(2, 0, 1)
             white = np.asarray(self._whiten(every))[rows].transpose(1, 2, 0)
-        else:
-            white = columns / self._sizes[rows]
         size = np.linalg.norm(white, axis=2, keepdims=True)
         return np.asarray((white / np.where(size > 0, size, 1.0)).transpose(0, 2, 1))
 

@@ -86,7 +86,8 @@ def search(
     """
     s = Search(c, r, floor)
     if len(c.leaders):
-        s.widen(s.beam, most)
+        # what a search before knows is not lost: only sets with what is new are sought
+        s.widen(s.beam if after is None else BEAM, most)
         if after is not None:
             s.take_over(after)
         s.exchange()

@@ -42,7 +42,7 @@ class Others:
         if not others or variance <= 0:
             return None
         columns = _Columns(case, f.nuisance, variance, others)
-        jacobian = case.white(f.jacobian) / np.sqrt(variance)
+        jacobian = case.white_jacobian(f) / np.sqrt(variance)
         noticed = noticed_with(np.inf if variance == case.floor.variance else f.dof - 1)
         return cls(BesideFit.of(jacobian, f.covariance * variance, columns), noticed)
 

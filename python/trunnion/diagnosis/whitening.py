@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from trunnion.base.rows import seen_of
 from trunnion.base.units import Floats, Integers
 
 SEEN = 1e-6  # of a squared combination, what is left of it without some readings
@@ -68,7 +69,7 @@ class Whiteners:
         white = np.zeros_like(columns, dtype=np.float64)
         for at, whiten in self.parts:
             own = columns[at]
-            seen = own.any(axis=0)  # what is one measurement's own is zero in all others
+            seen = seen_of(own)  # what is one measurement's own is zero in all others
             if np.all(seen):
                 white[at] = whiten(own)
             elif np.any(seen):
@@ -80,6 +81,14 @@ class Whiteners:
         """The whitener of all parts, if each only divides its readings."""
         sizes = sizes_of(self, max((at.stop for at, _ in self.parts), default=0))
         return Scaling(sizes) if sizes is not None and np.all(np.isfinite(sizes)) else None
+
+
+def within(whiten: Whiten, rows: Integers) -> Whiten | None:
+    """Whitener of all readings of one of several measurements, by their rows; None: of no such."""
+    for at, own in whiten.parts if isinstance(whiten, Whiteners) else ():
+        if len(rows) == at.stop - at.start and (rows[0], rows[-1]) == (at.start, at.stop - 1):
+            return own
+    return None
 
 
 def sizes_of(whiten: Whiten, n: int) -> Floats | None:

@@ -58,7 +58,10 @@ class BesideFit:
         along, left, whole = [np.zeros((0, len(gram)))], [np.zeros(0)], [np.zeros(0)]
         for first in range(0, len(names), AT_ONCE):
             x = np.stack([columns[name] for name in names[first : first + AT_ONCE]])
-            products = x @ jacobian
+            acting = np.flatnonzero(x.any(axis=0))  # of one of several measurements: few
+            some = slice(acting[0], acting[-1] + 1) if len(acting) else slice(0)
+            x = x[:, some]
+            products = x @ jacobian[some]
             own = products @ cofactor.T
             square = np.einsum("ij,ij->i", x, x)
             rest = square + np.einsum("ij,ij->i", own @ gram - 2.0 * products, own)

@@ -49,6 +49,7 @@ from trunnion.models.parts import (
     Part,
     are_alike,
     fitted_alone,
+    fitted_of,
     joined_components,
     joined_covariates,
     joined_dictionary,
@@ -248,9 +249,10 @@ class JointModel(Model):
         return self._start.copy()
 
     @property
-    def places(self) -> dict[int, Values]:
-        """Places of what acts on one part, that its own diagnosis found between those of grids."""
-        return places_of(self.parts, self.effects, self._acts)
+    def known_alone(self) -> tuple[Floats, dict[int, Values]]:
+        """What the diagnosis of each part found of what is its own."""
+        places = places_of(self.parts, self.effects, self._acts)
+        return fitted_of(self.parts, self._index, self.start), places
 
     def dictionary(self, whiten: Whiten) -> Dictionary | None:
         """Structure without a name: that of the parts, by the noise that these have."""

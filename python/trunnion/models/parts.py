@@ -182,8 +182,11 @@ class Part:
         made = self.columns.orthonormal(j, some) if every[some] == values else None
         if made is None:
             return None
-        own = made[0] if acts.sign > 0 else -made[0]
-        return Orthonormal(own, made[1], at, self.columns.fitted, whole)
+        array, rows, rank = made
+        if acts.sign < 0:
+            array, rows = -array[rows], slice(rows.stop - rows.start)
+        curve = self.columns.curves.get(j) if len(values) == len(every) else None
+        return Orthonormal(array, rows, rank, at, self.columns.fitted, whole, curve)
 
     @cached_property
     def _numbers(self) -> dict[str, int]:
@@ -314,6 +317,18 @@ def joined_dictionary(model: Model, whiten: Whiten, parts: Sequence[Part]) -> Di
         return None
     own = zip((at for at, _ in whiten.parts), (p.dictionary for p in parts), strict=True)
     return Dictionary.joined(model, whiten, list(own))
+
+
+def fitted_of(parts: Sequence[Part], index: Sequence[Integers], start: Floats) -> Floats:
+    """What is always fitted as the diagnosis of each part has it, the first of those that share it.
+
+    ``index``: of each part, which of all that are; ``start``: where a part has no such diagnosis.
+    """
+    out = start.copy()
+    for part, own in zip(reversed(parts), reversed(index), strict=True):
+        if part.linearised is not None:
+            out[own] = part.linearised.nuisance
+    return out
 
 
 def places_of(

@@ -185,8 +185,9 @@ class Measured:
     def _whiten(self, model: Model, before: Floats, grid: Grid | None) -> Whiten:
         """Return what a model makes of what it leaves: that of its own diagnosis, if it may."""
         known = self.alone.whiten if model is self.model else None
-        # without steps a scaling is the model's
-        made = isinstance(known, Whitener) or (isinstance(known, Scaling) and grid is None)
+        # without steps a scaling, or none, is the model's
+        plain = known is identity or isinstance(known, Scaling)
+        made = isinstance(known, Whitener) or (plain and grid is None)
         return known if made and known is not None else model.whitener(before)
 
 

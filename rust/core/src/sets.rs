@@ -44,6 +44,8 @@ pub struct Blocks {
     pub dependent: f64,
     /// Where the numbers of each block in [`Left::cross`] start, and their count.
     at: Vec<usize>,
+    /// Blocks that have columns among each [`TOGETHER`] of all.
+    within: Vec<Vec<usize>>,
 }
 
 /// -2 ln L of a set, penalised for its size.
@@ -174,12 +176,6 @@ impl Direction {
         Self { products, seen, some }
     }
 
-    /// Whether it has any part in some columns.
-    fn touches(&self, columns: &Range<usize>) -> bool {
-        let chunks = columns.start / TOGETHER..columns.end.div_ceil(TOGETHER);
-        !columns.is_empty() && self.seen[chunks].iter().any(|seen| *seen)
-    }
-
     /// Adds a share of it to numbers of all columns.
     fn add_to(&self, numbers: &mut [f64], share: f64) {
         for some in &self.some {
@@ -232,7 +228,12 @@ impl Blocks {
             Some(*end)
         });
         let at = std::iter::once(0).chain(ends).collect();
-        Ok(Self { width, start, rank, candidate, penalty, positive, dependent, at })
+        let mut within = vec![Vec::new(); width.div_ceil(TOGETHER)];
+        for (block, (&first, &k)) in start.iter().zip(&rank).enumerate().filter(|own| *own.1.1 > 0)
+        {
+            (first / TOGETHER..(first + k).div_ceil(TOGETHER)).for_each(|i| within[i].push(block));
+        }
+        Ok(Self { width, start, rank, candidate, penalty, positive, dependent, at, within })
     }
 
     /// The empty set: `residual`: inner products of all columns with the residuals.
@@ -263,12 +264,10 @@ impl Blocks {
         self.check_products(block, products)?;
         let mut new = set.clone();
         self.take(&mut new.left, block, products.to_vec());
-        let fresh = &new.left.taken[set.columns()..];
-        for block in 0..self.start.len() {
-            let columns = self.columns(block);
-            if fresh.iter().any(|direction| direction.touches(&columns)) {
-                new.gains.change(block..block + 1, |_, own| own[0] = self.gain(&new.left, block));
-            }
+        for blocks in self.touched(&new.left.taken[set.columns()..]) {
+            new.gains.change(blocks, |first, own| {
+                own.iter_mut().zip(first..).for_each(|(one, i)| *one = self.gain(&new.left, i));
+            });
         }
         new.blocks.push(block);
         new.penalty += self.penalty[block];
@@ -319,22 +318,42 @@ impl Blocks {
     fn take_direction(&self, left: &mut Left, direction: Direction, along: f64) {
         direction.change(&mut left.residual, |residual, x| *residual -= along * x);
         direction.change(&mut left.free, |free, x| *free -= x * x);
-        for (block, at) in self.at.windows(2).enumerate().filter(|(_, at)| at[0] < at[1]) {
-            let columns = self.columns(block);
-            if direction.touches(&columns) {
-                let own = &direction.products[columns];
-                let mut pairs = own
-                    .iter()
-                    .enumerate()
-                    .skip(1)
-                    .flat_map(|(i, x)| own[..i].iter().map(move |y| y * x));
-                left.cross.change(at[0]..at[1], |_, some| {
-                    some.iter_mut().zip(pairs.by_ref()).for_each(|(left, pair)| *left -= pair);
-                });
+        let direction = Arc::new(direction);
+        let mut pairs = Vec::new();
+        for blocks in self.touched(std::slice::from_ref(&direction)) {
+            let at = self.at[blocks.start]..self.at[blocks.end];
+            pairs.clear();
+            for block in blocks.filter(|&block| self.at[block] < self.at[block + 1]) {
+                let own = &direction.products[self.columns(block)];
+                for (i, x) in own.iter().enumerate().skip(1) {
+                    pairs.extend(own[..i].iter().map(|y| y * x));
+                }
             }
+            left.cross.change(at.clone(), |first, some| {
+                let own = &pairs[first - at.start..];
+                some.iter_mut().zip(own).for_each(|(left, pair)| *left -= pair);
+            });
         }
         left.rss -= along * along;
-        left.taken.push(Arc::new(direction));
+        left.taken.push(direction);
+    }
+
+    /// Blocks in any of whose neighbouring columns some directions have a part, in order.
+    fn touched(&self, directions: &[Arc<Direction>]) -> Vec<Range<usize>> {
+        let mut seen = vec![false; self.start.len()];
+        for (chunk, blocks) in self.within.iter().enumerate() {
+            if directions.iter().any(|direction| direction.seen[chunk]) {
+                blocks.iter().for_each(|&block| seen[block] = true);
+            }
+        }
+        let mut found: Vec<Range<usize>> = Vec::new();
+        for (block, _) in seen.iter().enumerate().filter(|(_, seen)| **seen) {
+            match found.last_mut().filter(|last| last.end == block) {
+                Some(last) => last.end = block + 1,
+                None => found.push(block..block + 1),
+            }
+        }
+        found
     }
 
     /// Every candidate beside every set, each at its best block, best first: as far as `reach`
