@@ -11,8 +11,9 @@ from trunnion.diagnosis import left
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.columns import Piece
 from trunnion.diagnosis.engine import leave
-from trunnion.diagnosis.of_some import OfSome, Orthonormal
+from trunnion.diagnosis.of_some import Beside, OfSome, Orthonormal
 from trunnion.diagnosis.plain import case_of
+from trunnion.diagnosis.quantities import saying
 from trunnion.diagnosis.scan import Dictionary
 from trunnion.diagnosis.scorer import cost
 from trunnion.models import kinds
@@ -118,6 +119,10 @@ def test_columns_of_the_measurements_are_those_of_the_joint_diagnosis(
     assert np.array_equal(one.owner, other.owner)
     assert np.array_equal(one.rank, other.rank)
     assert one.penalty == pytest.approx(other.penalty, rel=1e-6)
+    assert one.curves == pytest.approx(other.curves, rel=1e-6)
+    # They are not copied, but where two measurements have opposite signs of an effect.
+    own = [part.own for part in one._parts if isinstance(part, Beside) and part.of_basis is None]
+    assert any(x.base is not None for x in own)
     # What each block explains of any residual is the same, whatever signs its columns have.
     drawn_left = np.random.default_rng(5).normal(size=(len(with_own.rows), 3))
     assert one.gains(drawn_left) == pytest.approx(other.gains(drawn_left), rel=1e-6, abs=1e-9)
@@ -134,6 +139,7 @@ def test_columns_are_made_anew_where_other_directions_are_fitted() -> None:
     known = alone.orthonormal(0, slice(None))
     assert known is not None
     piece = Orthonormal(*known, at, alone.fitted, lambda: OfSome(whole[:, at], at))
+    assert np.shares_memory(piece.own, alone._parts[0])
     r = rng.normal(size=(n, 3))
     for basis, holds in ((fitted, True), (fitted[:, :1], False)):
         assert piece.holds(basis) is holds
@@ -185,3 +191,27 @@ def test_gains_beside_one_fit_after_another_are_those_beside_each_alone() -> Non
             if rank[term] == own.shape[1] == np.linalg.matrix_rank(left, tol=1e-3):
                 sizes = np.linalg.lstsq(left, r, rcond=None)[0]
                 assert gain[term] == pytest.approx(float(r @ left @ sizes), rel=1e-5, abs=1e-9)
+
+
+def test_a_joint_plain_fit_leaves_what_nothing_identifies_at_the_start() -> None:
+    """Also where it begins at fits of the measurements, each of which moved other combinations."""
+    made = drawn(("hybrid ballbar", "hybrid ballbar"), 0, seed=11)
+    model = model_of(made.data, made.setup)
+    plain = case_of(model).plain
+    assert plain.not_identifiable.any()
+    moved, ways = plain.nuisance - model.start, plain.judged.directions.T
+    assert np.any(moved)
+    along = ways @ np.linalg.lstsq(ways, moved)[0]
+    assert along == pytest.approx(moved, abs=1e-9 * float(np.abs(moved).max()))
+
+
+def test_quantities_of_measurements_are_what_the_joint_model_says_of_them() -> None:
+    model = joint(("points", "diameters"), 0, own=True)
+    known = case_of(model).dictionary.quantities
+    assert known is not None
+    asked = list(saying(model.covariates, model.components, np.arange(len(model.readings))))
+    assert [x.covariate.name for x in known] == [x.covariate.name for x in asked]
+    for one, other in zip(known, asked, strict=True):
+        assert (one.said, one.some) == (other.said, other.some)
+        assert np.array_equal(one.ranks, other.ranks)
+        assert [*map(tuple, one.enter.values())] == [*map(tuple, other.enter.values())]

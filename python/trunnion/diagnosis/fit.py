@@ -288,7 +288,7 @@ class _Problem:
         directions, first = self.judged.directions, self.model.start
         if len(directions) == len(start):
             return start.copy()
-        return np.asarray(first + ((start - first) @ directions.T) @ directions)
+        return np.asarray(first + np.linalg.lstsq(directions.T, start - first)[0] @ directions)
 
     def judge(self, at: _Point) -> None:
         """Let effects that are not linear move as the readings identify them at the model's start.

@@ -277,16 +277,16 @@ class Dictionary:
         count = several.shape[1] if sums is None else sums.shape[1]
         gain = np.zeros((self.count, count))
         rank = np.zeros(self.count, dtype=np.intp)
-        fresh = self._beside is None or self._beside[0] is not basis
-        both = np.concatenate([basis, several], axis=1) if fresh else several
+        known = self._beside if self._beside is not None and self._beside[0] is basis else None
+        both = np.concatenate([basis, several], axis=1) if known is None else several
         products = [part.products(both) for part in self._parts]
-        if self._beside is None or fresh:
+        if known is None:
             width = basis.shape[1]
             acting = [np.flatnonzero(seen_of(basis[part.some])) for part in self._parts]
             own_of = zip(products, acting, strict=True)
-            self._beside = basis, [[x[:, some] for x in own] for own, some in own_of]
+            known = self._beside = basis, [[x[:, some] for x in own] for own, some in own_of]
             products = [[x[:, width:] for x in own] for own in products]
-        for part, taken, along in zip(self._parts, self._beside[1], products, strict=True):
+        for part, taken, along in zip(self._parts, known[1], products, strict=True):
             for x, t, z in zip(part.wide, taken, along, strict=True):
                 own = z if sums is None else z @ sums
                 gain[x.numbers], rank[x.numbers] = x.gains(t, own)
