@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import trunnion as tn
+from power.one_machine import drawn
 from power.study import ground
 from result_examples import diagnosis_of
 from trunnion.diagnosis.effect import linear
@@ -161,3 +162,12 @@ def test_each_unit_has_numbers_of_its_own() -> None:
         gain = d.gain.by_unit()[ladder.unit]
         assert ladder.rms_um[0] == pytest.approx(gain.rms_before_um)
         assert ladder.rms_um[-1] == pytest.approx(gain.rms_after_um)
+
+
+def test_what_a_cause_does_not_change_it_explains_nothing_of() -> None:
+    """A force on a rotary axis changes no lengths: rounding is no contribution."""
+    made = drawn(("touches", "ballbar", "axislog", "positioning"), 0, 11)
+    found = tn.diagnose(made.data[2], made.setup)
+    force = next(c for c in found.contributions if c.id == "offset_a").by_unit()
+    assert force["arcsec"].rms_um > 0.1
+    assert force["µm"].rms_um == 0.0

@@ -37,6 +37,7 @@ ROUNDING = 1e-9  # µm, arcsec: data without noise have standard errors of 0
 NO_STD = 1.0  # µm, arcsec: of errors that have no standard error
 UM_PER_ARCSEC = RADIUS_MM * 1e3 * ARCSEC
 NO_UNITS: Mapping[str, str] = {}
+NOTHING = 1e-12  # of a mean square, of which one that differs less is the same: rounding
 TINY = 1e-300
 
 
@@ -246,7 +247,7 @@ def contributions_of(
                 taken_out.squares(every - {j}) - squares[-1],
             ]
         )
-        drops = np.maximum(drops, 0.0)
+        drops = np.where(drops > NOTHING * before, drops, 0.0)
         shares, sizes = drops / np.maximum(before, TINY), np.sqrt(drops)
         parts = [
             Contribution(
