@@ -120,7 +120,8 @@ def unnoticed(
             ratios = dict(zip(shifts, ratio[i].tolist(), strict=True))
             found[effect] = float(most[i]), name, size, shifts_in_words(shifts, ratios, 2)
     out = {}
-    for effect in sorted(found, key=lambda k: -found[k][0])[:MAX_STATED]:
+    # those that shift as much are in the order of the catalogue, not of rounding
+    for effect in sorted(found, key=lambda k: -float(f"{found[k][0]:.6g}"))[:MAX_STATED]:
         _, name, size, moved = found[effect]
         what = "it" if sum(k.startswith(f"{effect}.") for k in beside.parameters) == 1 else name
         amount = f"{size:.2g} {unit_of(name)} of {what}"
