@@ -239,7 +239,7 @@ class Case:
         variances = np.diag(f.covariance) * variance * apart**2
         if (anywhere := self.errors_of_rounding(f, spread=ANY_PLACE)) is None:
             return apart
-        return apart * growth(f.covariance @ (self.white_jacobian(f).T @ anywhere), variances)
+        return apart * growth(self.moved(f, anywhere), variances)
 
     @cached_property
     def _drawn_anywhere(self) -> Floats | None:
@@ -339,8 +339,7 @@ class Case:
         """Covariance of a fit's parameters; ``wide``: as rounding anywhere makes it."""
         covariance = f.covariance * float(self.floor.noise(f.rss, f.dof))
         if wide and (drawn := self._drawn_anywhere) is not None:
-            off = f.covariance @ (self.white_jacobian(f).T @ drawn)
-            covariance = grown(covariance, off)
+            covariance = grown(covariance, self.moved(f, drawn))
         return covariance
 
     def _noise_beside(self, grid: Grid, f: Fit) -> float:
@@ -415,8 +414,12 @@ class Case:
             self._jacobians[f] = self.white(f.jacobian)
         return self._jacobians[f]
 
+    def moved(self, f: Fit, columns: Floats) -> Floats:
+        """How far white columns (..., n, m) not in a fit move its parameters, (..., p + k, m)."""
+        return np.asarray(f.covariance @ (self.white_jacobian(f).T @ columns))
+
     def in_basis(self, f: Fit) -> Floats:
-        """Return it in the basis of the fit, (q, p + k): kept."""
+        """White derivative of a fit in its basis, (q, p + k): kept."""
         if f not in self._in_basis:
             self._in_basis[f] = np.asarray(f.basis.T @ self.white_jacobian(f))
         return self._in_basis[f]
@@ -479,8 +482,7 @@ class Case:
         size = float(np.max(np.abs(readings.values), initial=1.0))
         for recorded in readings.numbers:
             size = max(size, float(np.max(np.abs(recorded), initial=1.0)))
-        least = np.sqrt(np.mean(np.square(readings.least)))
-        return max(EXACT * size, MIN_STEP, float(least))
+        return max(EXACT * size, MIN_STEP, float(np.sqrt(np.mean(np.square(readings.least)))))
 
     @property
     def least_rss(self) -> float:
@@ -495,6 +497,4 @@ def _tail(gain: float, k: int, f: Fit, variance: float) -> float:
 
 def kept_rows(n: int, bad: Integers) -> Flags:
     """Mask of the readings that stay."""
-    mask = np.ones(n, dtype=bool)
-    mask[bad] = False
-    return mask
+    return np.isin(np.arange(n), bad, invert=True)

@@ -112,11 +112,6 @@ def _supposed(kept: Case, f: Fit, variance: float) -> dict[str, Floats]:
     }
 
 
-def _moved(kept: Case, f: Fit, line: Floats) -> Floats:
-    """By how much white columns (n, ...) that are not fitted move each parameter, (p + k, ...)."""
-    return np.asarray(f.covariance @ (kept.white_jacobian(f).T @ line))
-
-
 def _unseen(kept: Case, f: Fit, line: Floats, largest: float, variance: float) -> Floats:
     """Mean squares by columns (n, k), of sizes of about ``largest``, as far as none is seen.
 
@@ -127,7 +122,7 @@ def _unseen(kept: Case, f: Fit, line: Floats, largest: float, variance: float) -
     scale = max(variance, TINY)
     free = np.linalg.inv(seen.T @ seen / scale + np.eye(line.shape[1]) / max(largest, TINY) ** 2)
     mean = free @ (seen.T @ f.white) / scale
-    off = _moved(kept, f, line)
+    off = kept.moved(f, line)
     return np.asarray(off @ (free + np.outer(mean, mean)) @ off.T)
 
 
@@ -330,7 +325,7 @@ class _Term:
         white = kept.white(columns)
         left = white - f.basis @ (f.basis.T @ white)
         size = np.linalg.lstsq(left, f.white, rcond=float(np.sqrt(DEPENDENT)))[0]
-        return columns, np.asarray(size), _moved(kept, f, white @ size)
+        return columns, np.asarray(size), kept.moved(f, white @ size)
 
     def _of(self, line: Floats) -> Floats:
         """What a line (n, k) of sizes up to the largest that is seen leaves open."""

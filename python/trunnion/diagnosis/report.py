@@ -434,9 +434,8 @@ def _uncertainty(
     rounding = sigma * float(np.sqrt(min(case.floor.variance / max(variance, TINY), 1.0)))
     own, unit = doubt.covariance - doubt.between, units_of(case.model.readings)[0]
     sources = list(of_readings(own, sigma, unit[0] if len(unit) == 1 else "", rounding, f.dof))
-    inputs, white = case.model.inputs(f.nuisance, f.effects), case.white_jacobian(f)
-    moved = (f.covariance @ (white.T @ case.white(one.columns)) for one in inputs)
-    sources += [one.source(own) for one, own in zip(inputs, moved, strict=True)]
+    inputs = case.model.inputs(f.nuisance, f.effects)
+    sources += [one.source(case.moved(f, case.white(one.columns))) for one in inputs]
     if np.any(doubt.between):
         sources.append(Source(MODEL, 1.0, "", root(doubt.between)))
     if np.any(shape):

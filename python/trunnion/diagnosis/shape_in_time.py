@@ -129,7 +129,7 @@ def _mean_squares(kept: Case, f: Fit, deviations: Floats, variance: float) -> Fl
     deviance = deviance + np.log1p(squares * seen).sum(axis=-1)
     weight = np.sqrt(sizes)[:, None] * np.exp((deviance.min() - deviance) / 2)
     weight /= weight.sum()
-    moves = f.covariance @ (kept.white_jacobian(f).T @ deviations) @ factor  # (l, p + k, m)
+    moves = kept.moved(f, deviations) @ factor  # (l, p + k, m)
     mean = np.einsum("lpm,slm->slp", moves, free * along)
     scatter = np.einsum("sl,slm->lm", weight, free)
     out = np.einsum("sl,slp,slq->pq", weight, mean, mean)
