@@ -70,11 +70,12 @@ class Cases:
     frequency: Array = field(init=False)  # Hz, 0 = stiff
     damping: Array = field(init=False)
     log_delay: Array = field(init=False)  # s
+    offset: Array = field(init=False)  # mm, deg: where a constant force holds the axis
 
     def __post_init__(self) -> None:
         shape = (self.m, 5)
         self.gain, self.tau = np.tile(GAIN, (self.m, 1)), np.tile(TAU, (self.m, 1))
-        for name in ("delay", "friction", "backlash", "cyclic", "phase", "frequency"):
+        for name in ("delay", "friction", "backlash", "cyclic", "phase", "frequency", "offset"):
             setattr(self, name, np.zeros(shape))
         self.pitch, self.damping = np.ones(shape), np.full(shape, 0.05)
         self.log_delay = np.zeros(self.m)
@@ -89,7 +90,7 @@ def actual(
     """
     n, m = len(command), cases.m
     dt = PERIOD / substeps
-    y, v = np.tile(command[0], (m, 1)), np.zeros((m, 5))
+    y, v = command[0] + cases.offset, np.zeros((m, 5))
     play = y.copy()
     # Axes with friction, with a structure that resonates, with a delay: the others need no more.
     rubs, swings, lags = (np.nonzero(x) for x in (cases.friction, cases.frequency, cases.delay))
@@ -103,7 +104,7 @@ def actual(
         at[swings] = load.q
         play = np.clip(play, at - cases.backlash / 2, at + cases.backlash / 2)
         out[k] = play + cases.cyclic * np.sin(2 * np.pi * y / cases.pitch + cases.phase)
-        now = cases.gain * (command[k] - (out[k] if feedback == "load" else y))
+        now = cases.gain * (command[k] + cases.offset - (out[k] if feedback == "load" else y))
         for _ in range(substeps):
             w = now.copy()
             w[lags] = late(now[lags])
@@ -197,6 +198,7 @@ KINDS = (
     "resonance",
     "log_delay",
 )
+EVERY = (*KINDS[1:], "offset")  # of which an axis that moves one way reads some alike
 
 
 def draw(
@@ -252,6 +254,8 @@ def put(
             cases.friction[i, j] = share * rng.uniform(1, 5) * small
         case "backlash":
             cases.backlash[i, j] = share * rng.uniform(1, 8) * small
+        case "offset":
+            cases.offset[i, j] = share * sign * rng.uniform(1, 5) * small
         case "cyclic":
             cases.cyclic[i, j] = share * rng.uniform(0.5, 3) * small
             cases.pitch[i, j] = rng.uniform(4, 20) if j < 3 else rng.uniform(1, 10)

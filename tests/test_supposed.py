@@ -98,7 +98,7 @@ def test_the_range_of_sizes_is_not_known_and_the_same_for_all(sizes: tuple[float
     def odds(together: bool) -> tuple[float, Floats]:
         c = Candidates(variants, np.zeros((READINGS, 0)))
         c.together = together
-        found = Evidence(search(c, readings), 2).values
+        found = Evidence(search(c, readings)).values
         return float(np.exp((found[0b01] - found[0b11]) / 2)), np.sqrt(c.chance)
 
     more, least = odds(together=True)

@@ -29,7 +29,7 @@ from power.measured_twin import (
     make_sweep,
     size_of,
 )
-from power.study import ALIKE, draw_effects, draw_unknown, ground
+from power.study import ALIKE, VISIBLE_UM, draw_effects, draw_unknown, ground
 from trunnion import contouring as ct
 from trunnion.setup import Artefact, Setup
 from twin.forward import Truth
@@ -50,6 +50,7 @@ LEFT = (5.0, 50.0)  # a cause alone is named from about 3.5 on
 SMOOTH = 2.0  # times that: a smooth shape without a name, which has a dozen parameters
 CHATTER = 1.8  # times that: two amplitudes a pass at any of 200 pitches, named from about 6 on
 SAME = 0.999  # correlation of what two causes leave, above which they are one to these readings
+ANY_UM = 1e-3  # of an effect of 1 µm, arcsec, ... is left: it is drawn, however large it must be
 VISIBLE = 0.1  # of a cause is left at least, beside what is always fitted
 SAME_OF_ONE_TARGET = {"tilt_1": "axial_2", "tilt_2": "axial_3"}
 HYBRID = (*ballbar_study.HYBRID, *ballbar_study.HYBRID_DRIFTS)
@@ -97,16 +98,19 @@ def _differing(
     return frozenset(kept), change
 
 
-def touches_of(rng: Rng, name: str, alike: float = ALIKE) -> tuple[Drawn, Truth]:
+def touches_of(
+    rng: Rng, name: str, alike: float = ALIKE, least: float = VISIBLE_UM
+) -> tuple[Drawn, Truth]:
     """Touches of a cross by a plan of `ground`, 0.1 to 2 µm of noise, and what is true.
 
-    ``alike``: correlation of what two effects leave, from which on they are not drawn together.
+    ``alike``: correlation of what two effects leave, from which on they are not drawn together;
+    ``least``: what one of 1 µm, arcsec, ... leaves at least.
     """
     plan, setup, _, read = ground(name)
     noise = size_of(rng, 0.1, 2.0)
     rms = noise * (size_of(rng, 0.7, 7.0) if name == "paper" else size_of(rng, 0.3, 3.0))
     count = int(rng.choice(len(COUNTS), p=COUNTS))
-    hidden = draw_effects(rng, name, count, rms, alike=alike) if count else {}
+    hidden = draw_effects(rng, name, count, rms, alike=alike, least=least) if count else {}
     unknown = bool(rng.random() < UNKNOWN_SHARE)
     extra = draw_unknown(rng, name, rms) if unknown else None
     truth = Truth(errors=random_errors(rng), placement=random_placement(rng), effects=hidden)
@@ -116,8 +120,8 @@ def touches_of(rng: Rng, name: str, alike: float = ALIKE) -> tuple[Drawn, Truth]
 
 
 def touches(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
-    """Touches of a cross, the paper's plan or a rich one."""
-    return touches_of(rng, str(rng.choice(["paper", "rich"])), SAME)[0]
+    """Touches of a cross, the paper's plan or a rich one; of effects that read alike any."""
+    return touches_of(rng, str(rng.choice(["paper", "rich"])), SAME, ANY_UM)[0]
 
 
 def points(rng: Rng, number: int) -> Drawn:
@@ -258,7 +262,7 @@ def _causes_of_logs(rng: Rng) -> list[list[tuple[_OfLog, float]]]:
 
     Each is simulated alone at its usual size, to leave so much as is drawn at its share.
     """
-    wanted = [_some(rng, axis_log_twin.KINDS[1:]) for _ in range(BATCH)]
+    wanted = [_some(rng, axis_log_twin.EVERY) for _ in range(BATCH)]
     drawn = [[_OfLog(k, int(rng.integers(1 << 31))) for k in kinds] for kinds in wanted]
     flat = [one for some in drawn for one in some]
     alone = axis_log_twin.Cases(len(flat) + 1)

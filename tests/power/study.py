@@ -36,6 +36,7 @@ from twin.generator import (
     unknown_effect,
 )
 
+VISIBLE_UM = 0.05  # left of an effect of 1 µm, arcsec, ... that is drawn
 ALIKE = 0.7  # correlation of what two effects leave, above which they are not drawn together
 UNKNOWN_KINDS = ("smooth", "periodic", "time", "place", "jump", "face", "point")
 QUANTITIES = {
@@ -158,10 +159,10 @@ def ground(plan_name: str) -> tuple[Plan, Setup, Sizing, tn.Setup]:
 
 
 @lru_cache(maxsize=4)
-def visible(plan_name: str) -> tuple[str, ...]:
-    """Effects that this plan can see at all."""
+def visible(plan_name: str, least: float = VISIBLE_UM) -> tuple[str, ...]:
+    """Effects of which this plan sees so much, of one of 1 µm, arcsec, ..."""
     _, _, sizing, _ = ground(plan_name)
-    return tuple(e for e in EFFECTS if sizing.visible(e, np.random.default_rng(1)))
+    return tuple(e for e in EFFECTS if sizing.visible(e, np.random.default_rng(1), least))
 
 
 def draw_effects(
@@ -171,14 +172,15 @@ def draw_effects(
     rms_um: float,
     only: tuple[str, ...] = (),
     alike: float = ALIKE,
+    least: float = VISIBLE_UM,
 ) -> dict[str, dict[str, float]]:
     """Effects of which no two are alike, each of this rms in the residuals of the plain model.
 
-    ``alike``: the correlation from which on two are.
+    ``alike``: the correlation from which on two are; ``least``: as of `visible`.
     """
     plan, setup, sizing, _ = ground(plan_name)
     while True:
-        chosen = only or tuple(rng.choice(visible(plan_name), count, replace=False))
+        chosen = only or tuple(rng.choice(visible(plan_name, least), count, replace=False))
         try:
             hidden = {
                 str(e): sizing.scaled(str(e), random_effect(rng, str(e), plan), rms_um)

@@ -439,10 +439,10 @@ class Sizing:
             raise ValueError(f"{id_} cannot be seen under this plan: it leaves {now:.2g} µm")
         return {n: v * rms_um / now if n in linear else v for n, v in values.items()}
 
-    def visible(self, id_: str, rng: np.random.Generator) -> bool:
+    def visible(self, id_: str, rng: np.random.Generator, least: float = 0.05) -> bool:
         values = random_effect(rng, id_, self.plan)
         size = max(abs(v) for n, v in values.items() if n not in ("t0_s", "tau_min"))
-        return self.rms_left_um({id_: values}) > 0.05 * size
+        return self.rms_left_um({id_: values}) > least * size
 
     @property
     def catalogue(self) -> Floats:

@@ -19,7 +19,8 @@ its sizes free, it would take the place of causes of the same columns that are l
 
 Where the model says so (`.model.Model.together`) these odds are the mean: how often causes act is
 not known, and one that acts makes others likelier (a beta-binomial prior, Scott and Berger 2010,
-Bayes and empirical-Bayes multiplicity adjustment). That matters where readings hardly say which.
+Bayes and empirical-Bayes multiplicity adjustment). Structure without a name is one that acts. That
+matters where readings hardly say which.
 
 Nor is it known then how large causes may be: the range of their sizes is from `LEAST_RANGE` to
 `RANGE`, logarithmically uniform and one for all causes of a set. With the widest range alone most
@@ -66,18 +67,18 @@ class Evidence:
     ----------
     search:
         The sets.
-    count:
-        Of the causes; further candidates are terms of structure.
     supposed:
         What acts beside the sets that are weighed then: those that hold a candidate.
     best:
         The best score of all sets, of other searches too: those far above it weigh nothing.
+    acting:
+        How many processes act beside all sets.
     """
 
     search: Search
-    count: int
     supposed: Supposed | None = None
     best: float = math.inf
+    acting: int = 0
 
     @cached_property
     def values(self) -> Mapping[int, float]:
@@ -187,8 +188,8 @@ class Evidence:
         out = out + summed(np.where(least > 0, each, 0.0))
         out = out - 2 * _log_mean(np.stack([summed(one) for one in likely]))
         if c.together:
-            causes = summed(((least > 0) & (c.owner[blocks] < self.count)).astype(np.intp))
-            out = out - 2 * log_odds_together(c.multiplicity, causes)
+            acting = self.acting + summed((least > 0).astype(np.intp))
+            out = out - 2 * log_odds_together(c.multiplicity, acting)
         if c.stated:
             many = zip(sets, rss.tolist(), size.tolist(), strict=True)
             out = out + [s.contradicting(one, left, int(wide)) for one, left, wide in many]

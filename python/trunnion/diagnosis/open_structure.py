@@ -243,7 +243,7 @@ def _probable(e: Explanation, supposed: Sequence[Supposed]) -> Sets:
     out: Sets = []
     for one in supposed:
         s, c = one.search, one.search.c
-        for mask, blocks in Evidence(s, e.candidates.count, one).near.items():
+        for mask, blocks in Evidence(s, one).near.items():
             members = {s.owner[b]: int(c.variant[b]) for b in blocks}
             new = max(members) < e.candidates.count and frozenset(members) not in known
             if new and e.probabilities.of_set(frozenset(members)) > MIN_LISTED:

@@ -244,24 +244,39 @@ class Probabilities:
 
     @cached_property
     def _weights(self) -> dict[int, float]:
-        """Odds of each set against the best one, by its mask."""
+        """Odds of each set against the best one, by its mask; of two processes, the greater."""
+        values = dict(self._values[0])
+        for own in self._values[1:]:
+            for mask, value in own.items():
+                values[mask] = min(value, values.get(mask, math.inf))
+        # with too few readings nothing is known of any set, and no cause is named
+        return {mask: self._weight(value) for mask, value in values.items()} or {0: 1.0}
+
+    @cached_property
+    def _values(self) -> list[dict[int, float]]:
+        """-2 ln of the odds of sets, by their masks: of the search, then beside each process."""
         best = min([self.search.best, *(one.search.best + one.cost for one in self.processes)])
-        values = dict(Evidence(self.search, self.candidates.count, best=best).values)
+        values = dict(Evidence(self.search, best=best).values)
         for open_, within in self._supposed:
             values = {mask: value for mask, value in values.items() if not open_.within(mask)}
             values |= within.values
+        every = [values]
         for bit, one in self._beside():
-            own = Evidence(one.search, self.candidates.count, best=best - one.cost).values
-            for mask, value in own.items():
-                values[mask | bit] = min(value + one.cost, values.get(mask | bit, math.inf))
-        least = min(values.values(), default=0.0)
-        # with too few readings nothing is known of any set, and no cause is named
-        return {mask: math.exp((least - value) / 2) for mask, value in values.items()} or {0: 1.0}
+            own = Evidence(one.search, best=best - one.cost, acting=1).values
+            every.append({mask | bit: value + one.cost for mask, value in own.items()})
+        return every
+
+    @cached_property
+    def _least(self) -> float:
+        return min((value for own in self._values for value in own.values()), default=0.0)
+
+    def _weight(self, value: float) -> float:
+        return math.exp((self._least - value) / 2)
 
     @cached_property
     def _supposed(self) -> list[tuple[Supposed, Evidence]]:
         """What is supposed with the sets that it acts in."""
-        return [(x, Evidence(self.search, self.candidates.count, x)) for x in self.supposed]
+        return [(x, Evidence(self.search, x)) for x in self.supposed]
 
     def _beside(self) -> Iterator[tuple[int, Beside]]:
         """Processes with their bits in the mask of a set, those after all candidates.
@@ -288,21 +303,22 @@ class Probabilities:
             for j, own in odds.items():
                 yield mask | 1 << j, weight * own * self._more(mask, 1)
             for (i, one), (j, other) in itertools.combinations(odds.items(), 2):
-                yield mask | 1 << i | 1 << j, weight * one * other * self._more(mask, 2)
+                if not self.candidates.not_beside(1 << i) >> j & 1:
+                    yield mask | 1 << i | 1 << j, weight * one * other * self._more(mask, 2)
 
     def _more(self, mask: int, further: int) -> float:
         """Odds of so many further causes beside a set, over those if each acted by itself."""
         if not self.candidates.together:
             return 1.0
-        count, n = (mask & self._catalogue).bit_count(), self.candidates.multiplicity
+        count, n = mask.bit_count(), self.candidates.multiplicity
         return math.exp(log_odds_together(n, count + further) - log_odds_together(n, count))
 
     def _hiding(self) -> Iterator[tuple[int, float, dict[int, float]]]:
         """Sets with their weights and the odds of the causes that each hides."""
         beside = ((bit, one.search) for bit, one in self._beside())
-        for bit, searched in ((0, self.search), *beside):
+        for values, (bit, searched) in zip(self._values, ((0, self.search), *beside), strict=True):
             for mask, f in searched.known.items():
-                weight = self._weights.get(mask | bit, 0.0)
+                weight = self._weight(values.get(mask | bit, math.inf))
                 supposed = not bit and any(one.within(mask) for one in self.supposed)
                 if weight > MIN_WEIGHT and not supposed:
                     left = *searched.beside(f.blocks), f.rss, f.columns
@@ -333,12 +349,13 @@ class Probabilities:
         left = left * c.kept
         hidden = (left < HIDDEN) & (c.owner < self.candidates.count)
         hidden &= c.penalty > 0.0
+        excluded = c.not_beside(sum(1 << j for j in members))
         noise = float(searched.score.floor.noise(rss, max(c.dof - columns, 1)))
         chance, out = c.chance, {}
         assumed = sizes_assumed(c.together)
         for j in np.unique(c.owner[hidden]).tolist():
             own = c.owner == j
-            if j not in members:
+            if j not in members and not excluded >> j & 1:
                 least = chance[own]
                 # fitted exactly, nothing is seen of what is not determined
                 fitted = np.where(np.isinf(c.penalty[own]), 0.0, along[own])
