@@ -249,8 +249,7 @@ class Probabilities:
         for own in self._values[1:]:
             for mask, value in own.items():
                 values[mask] = min(value, values.get(mask, math.inf))
-        # with too few readings nothing is known of any set, and no cause is named
-        return {mask: self._weight(value) for mask, value in values.items()} or {0: 1.0}
+        return {mask: self._weight(value) for mask, value in values.items()}
 
     @cached_property
     def _values(self) -> list[dict[int, float]]:
@@ -264,11 +263,12 @@ class Probabilities:
         for bit, one in self._beside():
             own = Evidence(one.search, best=best - one.cost, acting=1).values
             every.append({mask | bit: value + one.cost for mask, value in own.items()})
-        return every
+        # with too few readings nothing is known of any set, and no cause is named
+        return every if any(every) else [{0: 0.0}, *every[1:]]
 
     @cached_property
     def _least(self) -> float:
-        return min((value for own in self._values for value in own.values()), default=0.0)
+        return min(value for own in self._values for value in own.values())
 
     def _weight(self, value: float) -> float:
         return math.exp((self._least - value) / 2)
