@@ -120,7 +120,12 @@ def touches_of(
 
 
 def touches(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
-    """Touches of a cross, the paper's plan or a rich one; of effects that read alike any."""
+    """Touches of a cross, the paper's plan or a rich one."""
+    return touches_of(rng, str(rng.choice(["paper", "rich"])), SAME)[0]
+
+
+def every_touches(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
+    """Touches with any of the effects that read alike."""
     return touches_of(rng, str(rng.choice(["paper", "rich"])), SAME, ANY_UM)[0]
 
 
@@ -257,12 +262,12 @@ class _OfLog:
         return str(name)
 
 
-def _causes_of_logs(rng: Rng) -> list[list[tuple[_OfLog, float]]]:
+def _causes_of_logs(rng: Rng, kinds: tuple[str, ...]) -> list[list[tuple[_OfLog, float]]]:
     """Causes of each log of a batch with their shares: none that looks like another of its log.
 
     Each is simulated alone at its usual size, to leave so much as is drawn at its share.
     """
-    wanted = [_some(rng, axis_log_twin.EVERY) for _ in range(BATCH)]
+    wanted = [_some(rng, kinds) for _ in range(BATCH)]
     drawn = [[_OfLog(k, int(rng.integers(1 << 31))) for k in kinds] for kinds in wanted]
     flat = [one for some in drawn for one in some]
     alone = axis_log_twin.Cases(len(flat) + 1)
@@ -283,14 +288,14 @@ def _causes_of_logs(rng: Rng) -> list[list[tuple[_OfLog, float]]]:
 
 
 @lru_cache(maxsize=1)
-def _logs(batch: int) -> list[Drawn]:
+def _logs(batch: int, kinds: tuple[str, ...] = axis_log_twin.KINDS[1:]) -> list[Drawn]:
     """A batch of logs, simulated together."""
     rng = np.random.default_rng([900_000, batch])
     cases = axis_log_twin.Cases(BATCH)
     setup = Setup(artefact=Artefact("none"), servo=ct.Servo.paper().to_table())
     truth = [
         frozenset(one.put(cases, i, share) for one, share in some)
-        for i, some in enumerate(_causes_of_logs(rng))
+        for i, some in enumerate(_causes_of_logs(rng, kinds))
     ]
     actual = [axis_log_twin.actual(c, cases) for c in _commands()]
     out = []
@@ -311,6 +316,11 @@ def axislog(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
     return _logs(number // BATCH)[number % BATCH]
 
 
+def every_axislog(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
+    """Logs with any of the causes that read alike where an axis moves one way."""
+    return _logs(number // BATCH, axis_log_twin.EVERY)[number % BATCH]
+
+
 KINDS: Mapping[str, Callable[[Rng, int], Drawn]] = {
     "touches": touches,
     "points": points,
@@ -325,7 +335,10 @@ KINDS: Mapping[str, Callable[[Rng, int], Drawn]] = {
 }
 
 
-def draw(kind: str, number: int, seed: int = 1) -> Drawn:
-    """Draw case ``number`` of a kind."""
+EVERY = {**KINDS, "touches": every_touches, "axislog": every_axislog}
+
+
+def draw(kind: str, number: int, seed: int = 1, *, every: bool = False) -> Drawn:
+    """Draw case ``number`` of a kind; ``every``: with any of the causes that read alike."""
     rng = np.random.default_rng([seed, number, *kind.encode()])
-    return KINDS[kind](rng, number + 1_000_000 * seed)
+    return (EVERY if every else KINDS)[kind](rng, number + 1_000_000 * seed)

@@ -121,8 +121,6 @@ class PositioningModel(ReadInTurn):
         Fewer than three targets.
     """
 
-    together = True  # a drift may be all that is seen of it and a warm-up
-
     def __init__(self, data: Positioning, effects: Sequence[EffectLike | str] = ()) -> None:
         self._seen_elsewhere = False
         targets, index = data.stops
