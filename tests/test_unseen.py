@@ -16,7 +16,7 @@ HIDDEN = {
 
 @pytest.mark.parametrize("number", HIDDEN)
 def test_what_is_there_is_probable(number: int) -> None:
-    """It had 2 to 12 %: the rest was of sets that cannot be, or as a poor process leaves them."""
+    """It had 4 to 13 %: the rest was of sets that cannot be, or as a poor process leaves them."""
     case = draw("positioning", number, 3)
     assert case.hidden == HIDDEN[number]
     d = diagnose(case.data, case.setup)

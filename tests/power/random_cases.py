@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -29,11 +29,11 @@ from power.measured_twin import (
     make_sweep,
     size_of,
 )
-from power.study import ALIKE, VISIBLE_UM, draw_effects, draw_unknown, ground
+from power.study import ALIKE, draw_effects, draw_unknown, ground
 from trunnion import contouring as ct
 from trunnion.setup import Artefact, Setup
 from twin.forward import Truth
-from twin.generator import measure, random_errors, random_placement
+from twin.generator import VISIBLE_UM, measure, random_errors, random_placement
 
 Rng = np.random.Generator
 Left = Callable[[NDArray[np.float64]], NDArray[np.float64]]
@@ -119,14 +119,9 @@ def touches_of(
     return Drawn(tn.Touches(m.columns), read, frozenset(hidden), unknown), truth
 
 
-def touches(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
-    """Touches of a cross, the paper's plan or a rich one."""
-    return touches_of(rng, str(rng.choice(["paper", "rich"])), SAME)[0]
-
-
-def every_touches(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
-    """Touches with any of the effects that read alike."""
-    return touches_of(rng, str(rng.choice(["paper", "rich"])), SAME, ANY_UM)[0]
+def touches(rng: Rng, number: int, least: float = VISIBLE_UM) -> Drawn:  # noqa: ARG001
+    """Touches of a cross, the paper's plan or a rich one; ``least``: as of `touches_of`."""
+    return touches_of(rng, str(rng.choice(["paper", "rich"])), SAME, least)[0]
 
 
 def points(rng: Rng, number: int) -> Drawn:
@@ -288,7 +283,7 @@ def _causes_of_logs(rng: Rng, kinds: tuple[str, ...]) -> list[list[tuple[_OfLog,
 
 
 @lru_cache(maxsize=1)
-def _logs(batch: int, kinds: tuple[str, ...] = axis_log_twin.KINDS[1:]) -> list[Drawn]:
+def _logs(batch: int, kinds: tuple[str, ...]) -> list[Drawn]:
     """A batch of logs, simulated together."""
     rng = np.random.default_rng([900_000, batch])
     cases = axis_log_twin.Cases(BATCH)
@@ -311,14 +306,13 @@ def _logs(batch: int, kinds: tuple[str, ...] = axis_log_twin.KINDS[1:]) -> list[
     return out
 
 
-def axislog(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
-    """Logs of five axes at two feeds."""
-    return _logs(number // BATCH)[number % BATCH]
-
-
-def every_axislog(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
-    """Logs with any of the causes that read alike where an axis moves one way."""
-    return _logs(number // BATCH, axis_log_twin.EVERY)[number % BATCH]
+def axislog(
+    rng: Rng,  # noqa: ARG001
+    number: int,
+    kinds: tuple[str, ...] = axis_log_twin.KINDS[1:],
+) -> Drawn:
+    """Logs of five axes at two feeds; ``kinds``: of causes that are drawn."""
+    return _logs(number // BATCH, kinds)[number % BATCH]
 
 
 KINDS: Mapping[str, Callable[[Rng, int], Drawn]] = {
@@ -335,7 +329,11 @@ KINDS: Mapping[str, Callable[[Rng, int], Drawn]] = {
 }
 
 
-EVERY = {**KINDS, "touches": every_touches, "axislog": every_axislog}
+EVERY: Mapping[str, Callable[[Rng, int], Drawn]] = {
+    **KINDS,
+    "touches": partial(touches, least=ANY_UM),
+    "axislog": partial(axislog, kinds=axis_log_twin.EVERY),
+}
 
 
 def draw(kind: str, number: int, seed: int = 1, *, every: bool = False) -> Drawn:

@@ -21,6 +21,7 @@ from trunnion.diagnosis.result import Diagnosis
 from trunnion.models.kinds import diagnose
 from twin.forward import EFFECTS, Setup, Truth
 from twin.generator import (
+    VISIBLE_UM,
     Measurement,
     Plan,
     Sizing,
@@ -36,7 +37,6 @@ from twin.generator import (
     unknown_effect,
 )
 
-VISIBLE_UM = 0.05  # left of an effect of 1 µm, arcsec, ... that is drawn
 ALIKE = 0.7  # correlation of what two effects leave, above which they are not drawn together
 UNKNOWN_KINDS = ("smooth", "periodic", "time", "place", "jump", "face", "point")
 QUANTITIES = {

@@ -33,6 +33,7 @@ from twin.forward import (
     table_pose,
 )
 
+VISIBLE_UM = 0.05  # left of an effect of 1 µm, arcsec, ... that is seen
 APPROACH_MM = 2.0
 STEM_RADIUS_MM = 0.75
 STEM_LENGTH_MM = 60.0
@@ -439,7 +440,7 @@ class Sizing:
             raise ValueError(f"{id_} cannot be seen under this plan: it leaves {now:.2g} µm")
         return {n: v * rms_um / now if n in linear else v for n, v in values.items()}
 
-    def visible(self, id_: str, rng: np.random.Generator, least: float = 0.05) -> bool:
+    def visible(self, id_: str, rng: np.random.Generator, least: float = VISIBLE_UM) -> bool:
         values = random_effect(rng, id_, self.plan)
         size = max(abs(v) for n, v in values.items() if n not in ("t0_s", "tau_min"))
         return self.rms_left_um({id_: values}) > least * size
